@@ -8,6 +8,7 @@ arm, or of a cable robot, differ from machine to machine. So the laws are those 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -82,7 +83,7 @@ def _laws() -> Iterator[Law]:
 
 def _machines() -> Iterator[tuple[Robot, Mechanism]]:
     """A machine of each kind that has laws of its own, and a robot that may stand for its own."""
-    robots = {name: load_robot(name) for name in known_robots()}
+    robots = {name: _stating_all(load_robot(name)) for name in known_robots()}
     own = [kind for kind in MECHANISMS.values() if kind.__module__.startswith(_PACKAGE)]
     for robot in robots.values():
         for kind in own:
@@ -92,6 +93,11 @@ def _machines() -> Iterator[tuple[Robot, Mechanism]]:
         arm = ArmDimensions((_LINK,) * count, np.zeros(3), np.zeros(count), np.zeros(3))
         yield robots["ur10"], SerialArm(arm, ArmTolerances(*np.ones(5).tolist()))
     yield robots["cdpr8"], CableRobot(_POINT, CableTolerances(1.0, 1.0, 1.0))
+
+
+def _stating_all(robot: Robot) -> Robot:
+    """The robot with what its file may leave out."""
+    return replace(robot, joints=replace(robot.joints, encoder_lines=1.0))
 
 
 def _effects(robot: Robot, mechanism: Mechanism) -> Iterator[Effect]:

@@ -49,6 +49,7 @@ _NAMED = "a lower-case letter, then lower-case letters, digits and _,"
 _AT_REST = "standard deviation of a joint's rest position"
 _READING = "standard deviation of an encoder reading"
 _FASTEST = "largest joint speed in a measurement plan"
+_PERIODS = "0 or left out: not known"
 _ZERO = "reading of each joint at the zero of the mechanism (docs/robot_file.md); left out: 0"
 
 
@@ -93,6 +94,11 @@ class Joints:
     zero: Array | None = quantity(
         "deg", least=-1e6, most=1e6, shape=(None,), default=None, about=_ZERO
     )
+    encoder_lines: float = quantity(
+        least=0.0,
+        default=0.0,
+        about=f"periods of the encoder's signals per turn of the joint; {_PERIODS}",
+    )
 
     def beyond(self, joint: Array) -> str:
         """Which joint of (m,) is beyond its limits, in words; empty if none is."""
@@ -124,6 +130,13 @@ class SlidingJoints(Joints):
         "turns_per_m", above=0.0, about="motor turns per metre of joint travel"
     )
     zero: Array | None = place(shape=(None,), default=None, about=_ZERO)
+    encoder_lines: float = quantity(
+        "turns_per_m",
+        least=0.0,
+        default=0.0,
+        key="encoder_periods_per_m",
+        about=f"periods of the encoder's signals per metre of joint travel; {_PERIODS}",
+    )
 
 
 @dataclass(frozen=True)

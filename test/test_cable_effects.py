@@ -23,14 +23,17 @@ from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
 from delta_calibration.effects.drum_build_up import DrumBuildUp, let_out
 from delta_calibration.effects.drum_scale import DrumScale
+from delta_calibration.effects.pretension_loss import PretensionLoss
 from delta_calibration.effects.pulley_radius import PulleyRadius, excess
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.robot import load_robot
+from study.judge import judge
+from study.trials import Task
 
 GRAVITY = 9.80665
 ROBOT = load_robot("cdpr8")
-ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)
+ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)  # nothing at home
 CABLES = CableRobot(EIGHT_CABLES, TOLERANCES)
 G = CABLES.parameters.nominal
 X = workspace(EIGHT_CABLES, 12, np.random.default_rng(1))
@@ -132,6 +135,58 @@ def weight(x, payload):
     return np.array(
         [[(energy(p + d) - energy(p - d)) / (2 * h) for d in h * np.eye(6)] for p in x]
     )
+
+
+def test_a_pretension_that_is_lost_is_a_stretch_that_is_lost():
+    """Of tensions that a convex fit finds at the lower pretension, in cables of steel."""
+    stiffness, loss, constant = 4e5, 0.3, 1800.0
+    at = replace(AT, time=np.linspace(0.0, 5400.0, len(X)))
+    effect = PretensionLoss(ROBOT, CABLES, time_constant=constant)
+    share = loss * (1 - np.exp(-at.time / constant))
+    lower = [
+        replace(EIGHT_CABLES, pretension=EIGHT_CABLES.pretension * (1 - float(s))) for s in share
+    ]
+    load = weight(X, 5.0)
+    before = CABLES.tensions(X, G, load)
+    after = np.concatenate(
+        [
+            CableRobot(d, TOLERANCES).tensions(X[i : i + 1], G, load[i : i + 1])
+            for i, d in enumerate(lower)
+        ]
+    )
+    for x, pull, now in zip(X, before, after, strict=True):  # both bear the load
+        by_x = CABLES.closure_by_pose(np.zeros((1, 8)), x[None], G)[0]
+        np.testing.assert_allclose(by_x.T @ (now - pull), 0, atol=1e-8)
+    shorter = (after - before) / stiffness * CABLES.lengths(X, G)
+    strain = loss * EIGHT_CABLES.pretension / stiffness
+    shift = EIGHT_CABLES.gain * (effect.columns(at)[..., 0] * strain)
+    np.testing.assert_allclose(shift, shorter, rtol=1e-9, atol=1e-12)
+    assert np.abs(shorter[0]).max() == 0.0  # at the start
+    assert 1e-4 < np.abs(shorter).max() < 2e-3
+
+
+def test_who_has_no_pretension_to_lose_is_not_told_so():
+    """Three cables that hold a point, or cables that nothing tightens."""
+    assert PretensionLoss(ROBOT, CABLES).suits
+    assert not PretensionLoss(
+        ROBOT, CableRobot(replace(EIGHT_CABLES, pretension=0.0), TOLERANCES)
+    ).suits
+    d = FOUR_CABLES
+    three = replace(
+        d,
+        **{n: getattr(d, n)[:3] for n in ("anchors", "joints", "drum_radius", "gear", "tackle")},
+    )
+    assert not PretensionLoss(ROBOT, CableRobot(three, TOLERANCES)).suits
+
+
+@pytest.mark.slow
+def test_a_pretension_that_is_lost_is_named():
+    """By a foreign generator, a lambda of 400: 4 % of the pretension."""
+    said = judge(Task("test", 3, (("pretension_loss", 400.0),), robot="cdpr8").key)
+    assert [finding["cause"] for finding in said["findings"]] == ["pretension_loss"]
+    assert not said["unknown"]
+    (strain,) = said["intervals"]
+    assert abs(strain["value"] - strain["true"]) < 3 * strain["std"]
 
 
 @pytest.mark.parametrize(("level", "rise"), [(3.0, 0.0), (3.0, 1.5), (1.0, 2.5), (4.0, -1.0)])

@@ -42,6 +42,8 @@ SAME = {
     "cable_sag": {"weight_squared": "weight_squared"},
     "pulley_radius": {"radius": "radius"},
     "drum_build_up": {"build_up": "build_up"},
+    "flange_compliance": {"shift": "shift", "turn": "turn"},
+    "pretension_loss": {"strain": "strain"},
 }
 
 
@@ -171,6 +173,10 @@ def _shape(trial: Trial, cause: str) -> dict[str, float | str]:
     values = trial.hidden.values[cause]
     if cause == "transmission_error":
         return {"cycles": float(values["cycles"])}
+    if cause == "pretension_loss":
+        return {"time_constant": float(values["constant"])}
+    if cause == "flange_compliance":
+        return {"behind": float(values["behind"])}
     if cause == "tracker_drift":
         return {"time_constant": float(values["constant"])} if values["constant"] < np.inf else {}
     if cause == "joint_zero_drift" and values["kind"] == "step":

@@ -45,6 +45,8 @@ Drive:
   stick_slip            falls to level= (0 by default) of its value above
                         speed= [rad/s; m/s for sliding joints]; by default
                         0.1 rad/s on a Delta, a similar speed on others
+  encoder_interpolation
+                        of robots with joints.encoder_lines in their file
 Structure:
   thermal_growth_arm thermal_growth_base
                         follows the sensor of its own part; sensor=arm or
@@ -53,6 +55,8 @@ Structure:
   thermal_growth_forearm
                         has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection base_compliance
+  flange_compliance     behind=M: from the tool centre point to the flange
+  pretension_loss       settles with time_constant=S; 0: linear over an hour
   ball_joint_clearance  force=N: load that takes it from end to end (0: any);
                         end=1: at the elbow, -1: at the platform, 0: at both
 By robot:
@@ -67,7 +71,9 @@ By robot:
   cdpr8                 base_joint_position platform_joint_position drum_scale
                         encoder_eccentricity cable_elasticity cable_sag
                         pulley_radius drum_build_up
-  scara, ur10           joint_zero_offset joint_axis_tilt link_length
+                        pretension_loss
+  scara, ur10           flange_compliance
+                        joint_zero_offset joint_axis_tilt link_length
                         link_offset tool_position tool_turn
                         encoder_eccentricity transmission_error joint_scale
                         thermal_growth_link joint_error_curve

@@ -28,7 +28,7 @@ _PAUSE = 0.25  # [s] readings farther apart are not of one path
 _PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] the shortest path worth using
 # what is slower than this share of the fastest within so long [s] before and after is at rest
 _RESTING, _AROUND = 0.1, 0.5
-_BLOCK = 2.5e-3  # [rad of a Delta] of travel over which a path is straight to half a micrometre
+BLOCK = 2.5e-3  # [rad of a Delta] of travel over which a path is straight to half a micrometre
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def _blocks(
     # blocks of equal travel within each path, none across a joint's turn
     along = np.cumsum(gone)
     along -= along[np.flatnonzero(broken)][path]
-    step = np.floor(along / _BLOCK).astype(np.int64)
+    step = np.floor(along / BLOCK).astype(np.int64)
     turned = (np.diff(direction, axis=0) != 0).any(axis=1)
     block = np.cumsum(np.r_[True, (np.diff(step) != 0) | turned | broken[1:]]) - 1
     return np.where(good, block, -1), path.astype(np.int64)

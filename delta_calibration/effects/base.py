@@ -31,8 +31,7 @@ from delta_calibration.effects.regressor import ANGLE, Groups, Regressor, all_to
 from delta_calibration.effects.remedy import AS_FOUND, Remedy
 from delta_calibration.effects.signals import (
     LOAD,
-    PULL,
-    PULL_HOME,
+    OF_PULLING,
     Places,
     Signals,
     asked_of,
@@ -453,7 +452,7 @@ def table_of_stage(
 
 def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
     """Loads that these signals need; pulls are of limbs that can do nothing else."""
-    of_pulls = () if mechanism.pulls else (PULL, PULL_HOME)
+    of_pulls = () if mechanism.pulls else OF_PULLING
     return asked_of(name for name in names if name not in of_pulls)
 
 

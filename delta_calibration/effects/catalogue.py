@@ -14,6 +14,8 @@ from delta_calibration.effects.drum_build_up import DrumBuildUp
 from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
+from delta_calibration.effects.encoder_interpolation import EncoderInterpolation
+from delta_calibration.effects.flange_compliance import FlangeCompliance
 from delta_calibration.effects.forearm_compliance import ForearmCompliance
 from delta_calibration.effects.found_law import FOUND_LAW, FoundLaw
 from delta_calibration.effects.gravity_sag import GravitySag
@@ -22,6 +24,7 @@ from delta_calibration.effects.joint_curve import JointCurve
 from delta_calibration.effects.joint_lag import JointLag
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.joint_zero_drift import JointZeroDrift
+from delta_calibration.effects.pretension_loss import PretensionLoss
 from delta_calibration.effects.pulley_radius import PulleyRadius
 from delta_calibration.effects.reducer_compliance import ReducerCompliance
 from delta_calibration.effects.slider_pitch import SliderPitch
@@ -73,6 +76,9 @@ EFFECTS: Registry[Effect] = Registry(
         JointCurve,
         ThermalGrowthLink,
         BaseCompliance,
+        FlangeCompliance,
+        PretensionLoss,
+        EncoderInterpolation,
     ),
 )
 

@@ -2,8 +2,8 @@
 
 What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...)
 and what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of
-cables, force and moment on the base). A law names the ones it takes; each has a place in one row
-of numbers, the same for all effects on a mechanism.
+cables, force and moment on the base and on the platform). A law names the ones it takes; each has
+a place in one row of numbers, the same for all effects on a mechanism.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from delta_calibration.data import Conditions
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import (
+    OF_CARRIED,
     OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
     OF_REACTION,
+    OF_TIGHTNESS,
     OF_WEIGHT,
 )
 from delta_calibration.robot import Robot
@@ -33,6 +35,7 @@ JOINT, RATE, ACCELERATION = "joint", "rate", "acceleration"
 DIRECTION, TRAVEL = "direction", "travel"
 GRAVITY, INERTIA, PULL, PULL_HOME = "gravity", "inertia", "pull", "pull_home"
 POSE, GEOMETRY, LOAD, REACTION = "pose", "geometry", "load", "reaction"
+CARRIED, TIGHTNESS = "carried", "tightness"  # by the payload; of pulls, by the pretension
 TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
 READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
@@ -41,11 +44,14 @@ _ASKED = {
     LOAD: OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS,
     INERTIA: OF_INERTIA,
     REACTION: OF_REACTION,
+    CARRIED: OF_CARRIED,
     PULL: OF_PULLS,
     PULL_HOME: OF_PULLS,
+    TIGHTNESS: OF_TIGHTNESS,
 }
 _STANDING = (*_ASKED, POSE, GEOMETRY)  # what only a machine that stands somewhere has
-OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, PULL, PULL_HOME)
+OF_PULLING = (PULL, PULL_HOME, TIGHTNESS)  # what only limbs have that can do nothing else
+OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, *OF_PULLING)
 
 
 @dataclass(frozen=True)
@@ -101,7 +107,7 @@ class Places:
 def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
     of_sample = ((TIME, 1), (PAYLOAD, 1), (CENTRE, 3), (TEMPERATURE, len(parts)))
     of_tracker = ((READING, 3), (READING_RATE, 3), (NOTHING, 1))
-    of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p), (REACTION, 6))
+    of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p), (REACTION, 6), (CARRIED, 6))
     return Places(
         (*((name, m) for name in OF_JOINTS), *of_machine, *of_sample, *of_tracker), parts
     )
@@ -117,8 +123,8 @@ def asked_of(names: Any) -> int:
 
 def all_asked(mechanism: Mechanism) -> int:
     """Flags of every load that a mechanism has."""
-    pulls = OF_PULLS if mechanism.pulls else 0
-    return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | OF_REACTION | pulls
+    pulls = OF_PULLS | OF_TIGHTNESS if mechanism.pulls else 0
+    return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | OF_REACTION | OF_CARRIED | pulls
 
 
 def standing_asked(names: Any) -> bool:
@@ -194,7 +200,7 @@ def standing(
     found = signals.with_(**{POSE: x, GEOMETRY: g})
     if asked:
         q = found.of(JOINT) if joint is None else joint
-        weight, inertia, load, pull, home, reaction = mechanism.loads(
+        weight, inertia, load, pull, home, reaction, payload, tightness = mechanism.loads(
             robot.masses,
             asked,
             q,
@@ -205,9 +211,10 @@ def standing(
             found.of(PAYLOAD)[:, 0],
             found.of(CENTRE),
         )
-        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load, REACTION: reaction}
+        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load}
+        loads |= {REACTION: reaction, CARRIED: payload}
         if mechanism.pulls:
-            loads |= {PULL: pull, PULL_HOME: home}
+            loads |= {PULL: pull, PULL_HOME: home, TIGHTNESS: tightness}
         for name, values in loads.items():
             found.of(name)[:] = values
     return found

@@ -452,7 +452,7 @@ class Mechanism(ABC):
         acceleration: Array,
         payload: Array,
         centre: Array,
-    ) -> tuple[Array, Array, Array, Array, Array, Array]:
+    ) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
         """Forces that the machine carries, see model/loads.py; zeros where not asked for.
 
         Args:
@@ -468,7 +468,8 @@ class Mechanism(ABC):
 
         Returns:
             Torques of weight and of inertia on the joints, (n, m) each, dU/dg (n, p), pulls of
-            the limbs and their pulls at home, (n, R) each, force and moment on the base, (n, 6).
+            the limbs and their pulls at home, (n, R) each, force and moment on the base, (n, 6),
+            the payload's part of these, and of the pulls what a newton of pretension does, (n, R).
         """
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
@@ -483,8 +484,8 @@ class Mechanism(ABC):
             _rows(payload[:, None], 1, n)[:, 0],
             _rows(centre, 3, n),
         )
-        weight, inertia, load, pull, home, reaction = found
-        return weight, inertia, load, pull, home, reaction
+        weight, inertia, load, pull, home, reaction, payload, tightness = found
+        return weight, inertia, load, pull, home, reaction, payload, tightness
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.

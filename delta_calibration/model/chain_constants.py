@@ -19,6 +19,8 @@ NAMES = (
     "geometry",
     "load",
     "reaction",
+    "carried",
+    "tightness",
     "payload",
     "centre",
     "reading",
@@ -36,6 +38,8 @@ NAMES = (
     GEOMETRY,
     LOAD,
     REACTION,
+    CARRIED,
+    TIGHTNESS,
     PAYLOAD,
     CENTRE,
     READING,
@@ -44,6 +48,7 @@ NAMES = (
 
 # Loads are asked for by a sum of these.
 OF_WEIGHT, OF_INERTIA, OF_PULLS, OF_DIMENSIONS, OF_REACTION = 1, 2, 4, 8, 16
+OF_CARRIED, OF_TIGHTNESS = 32, 64
 
 # Of what derivatives are asked for.
 NOTHING, READINGS, POSES = range(3)

@@ -11,6 +11,8 @@ the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x
 What all of it presses on the base is the sum over the masses (d'Alembert), with z up,
 
     F = -sum m (p'' + G z)        M = -sum p x m (p'' + G z)
+
+and the same of the payload alone is what it presses on the platform with.
 """
 
 from __future__ import annotations
@@ -23,10 +25,12 @@ from numpy.typing import NDArray
 from delta_calibration.model.chain_constants import (
     FREE_FALL,
     MOMENT,
+    OF_CARRIED,
     OF_DIMENSIONS,
     OF_INERTIA,
     OF_PULLS,
     OF_REACTION,
+    OF_TIGHTNESS,
     OF_WEIGHT,
 )
 from delta_calibration.model.jit import call, compiled, record
@@ -131,7 +135,7 @@ class Beside(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, reaction, pulls.
+    """Scratch, and what is found: torques of weight and inertia, dU/dg, reactions, pulls.
 
     Of the work U there is a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the weight,
     and of the inertia where that is asked for as well.
@@ -148,7 +152,9 @@ class Carried(NamedTuple):
     inertia: Array  # (m,)
     load: Array  # (p,)
     reaction: Array  # (6,) [N, N m] force and moment on the base, about its origin
+    payload: Array  # (6,) the part of it that the payload presses
     pull: Array  # (R,)
+    tightness: Array  # (R,) of each pull, by a newton of pretension
     pull_home: Array  # (R,)
     still: Array  # (m,) readings of counters at home
     origin: Array  # (3,)
@@ -192,6 +198,8 @@ def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
         np.zeros(m),
         np.zeros(p),
         np.zeros(6),
+        np.zeros(6),
+        np.zeros(r),
         np.zeros(r),
         np.zeros(r),
         np.zeros(m),
@@ -379,9 +387,9 @@ def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> No
     Of a mass that counts in part where it is accelerated, the rest has its momentum about the
     place that it turns about.
     """
-    a, count, total = found.a, len(bearing.kg), found.reaction
+    a, count = found.a, len(bearing.kg)
     for i in range(6):
-        total[i] = 0.0
+        found.reaction[i] = 0.0
     for point in range(-1, count):
         kg = payload if point < 0 else bearing.kg[point]
         for axis in range(3):
@@ -392,6 +400,8 @@ def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> No
             for axis in range(3):
                 a[axis] = found.accelerated[3 * row + axis]
             _press(bearing, found, point, kg, 1.0 if point < 0 else bearing.moves[point])
+        if point < 0:
+            copy_into(found.payload, found.reaction)
 
 
 @compiled(borrows=True)
@@ -418,7 +428,7 @@ def _coordinate(bearing: Bearing, found: Carried, point: int, axis: int, share: 
 
 
 @compiled(borrows=True)
-def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) -> None:
+def _pulls(limbs: Limbs, pretension: float, room: Room, u_x: Array, pull: Array) -> None:
     """Pulls of the cables that bear u_x (k,), nearest to the pretension; the limbs are placed."""
     r, k = limbs.sizes[R], limbs.sizes[K]
     system = room.system
@@ -426,11 +436,11 @@ def _pulls(limbs: Limbs, bearing: Bearing, room: Room, u_x: Array, pull: Array) 
     for i in range(k):
         right = -u_x[i]
         for row in range(r):
-            right -= room.by_x[row, i] * bearing.pretension
+            right -= room.by_x[row, i] * pretension
         system[i, k] = right
     good = solve_definite(system, k, 1)
     for row in range(r):
-        pull[row] = bearing.pretension if good else np.nan
+        pull[row] = pretension if good else np.nan
         for i in range(k):
             pull[row] += room.by_x[row, i] * system[i, k]
 
@@ -445,7 +455,7 @@ def _pulls_at_home(limbs: Limbs, bearing: Bearing, room: Room, found: Carried) -
     point_at(bearing, bearing.home, found.origin, found.point)
     masses_at(limbs, bearing, found.still, bearing.home, found.mass)
     _work(limbs, bearing, 0.0, WEIGHT, found)
-    _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull_home)
+    _pulls(limbs, bearing.pretension, room, found.u_x[WEIGHT], found.pull_home)
     found.known[0] = 1.0
 
 
@@ -474,7 +484,8 @@ def bear(
     point_at(bearing, x, centre, found.point)
     masses_at(limbs, bearing, q, x, found.mass)
     _work(limbs, bearing, payload, WEIGHT, found)
-    inertia, reaction = asked & OF_INERTIA > 0, asked & OF_REACTION > 0
+    inertia = asked & OF_INERTIA > 0
+    reaction = asked & OF_REACTION > 0 or asked & OF_CARRIED > 0
     moving = (inertia or reaction) and _moves(rate, acceleration)
     regular = (asked & OF_WEIGHT > 0 or moving) and factored(limbs, room)
     if moving:
@@ -487,7 +498,7 @@ def bear(
     if reaction:
         _react(bearing, payload, moving, found)
     if asked & OF_PULLS:
-        _pulls(limbs, bearing, room, found.u_x[WEIGHT], found.pull)
+        _pulls(limbs, bearing.pretension, room, found.u_x[WEIGHT], found.pull)
     if asked & OF_WEIGHT:
         _turn(limbs, WEIGHT, regular, room, found, found.gravity)
     if inertia:
@@ -497,6 +508,10 @@ def bear(
         _turn(limbs, INERTIA, regular, room, found, found.inertia)
     if asked & OF_DIMENSIONS:
         _load(limbs, loaded, moving and inertia, room, found)
+    if asked & OF_TIGHTNESS:  # the last, as it uses up the work
+        u_x = found.u_x[WEIGHT]
+        u_x[:] = 0.0
+        _pulls(limbs, 1.0, room, u_x, found.tightness)
 
 
 @compiled(borrows=True)
@@ -542,11 +557,12 @@ def every(
     acceleration: Array,
     payload: Array,
     centre: Array,
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
     """All loads that are asked for, of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
-    pull, home, reaction = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, 6))
+    pull, home, tightness = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, r))
+    reaction, of_payload = np.zeros((n, 6)), np.zeros((n, 6))
     own, found, last = room(limbs, size), carried(limbs, bearing, size), len(g) - 1
     loaded = np.arange(limbs.params.shape[1])
     for row in range(n):
@@ -568,8 +584,9 @@ def every(
             found,
         )
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
-        pull[row], home[row], reaction[row] = found.pull, found.pull_home, found.reaction
-    return weight, inertia, load, pull, home, reaction
+        pull[row], home[row], tightness[row] = found.pull, found.pull_home, found.tightness
+        reaction[row], of_payload[row] = found.reaction, found.payload
+    return weight, inertia, load, pull, home, reaction, of_payload, tightness
 
 
 @compiled()
@@ -582,5 +599,5 @@ def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: A
         if row == 0 or last > 0:
             set_geometry(limbs, g[min(row, last)], own)
         place(limbs, found.still, x[row], BESIDE, own)
-        _pulls(limbs, bearing, own, load[row], every_pull[row])
+        _pulls(limbs, bearing.pretension, own, load[row], every_pull[row])
     return every_pull

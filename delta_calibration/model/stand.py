@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.model.chain_constants import (
     ACCELERATION,
+    CARRIED,
     CENTRE,
     GEOMETRY,
     GRAVITY,
@@ -28,9 +29,11 @@ from delta_calibration.model.chain_constants import (
     LEADS_ON,
     LEFT,
     LOAD,
+    OF_CARRIED,
     OF_INERTIA,
     OF_PULLS,
     OF_REACTION,
+    OF_TIGHTNESS,
     OF_WEIGHT,
     PAYLOAD,
     POSE,
@@ -41,6 +44,7 @@ from delta_calibration.model.chain_constants import (
     ROUNDS,
     SAME_POSE,
     SETTLED_POSE,
+    TIGHTNESS,
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
@@ -295,9 +299,13 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
         copy_into(signals[at[INERTIA] : at[INERTIA] + len(found.inertia)], found.inertia)
     if stages.asked & OF_REACTION:
         copy_into(signals[at[REACTION] : at[REACTION] + 6], found.reaction)
+    if stages.asked & OF_CARRIED:
+        copy_into(signals[at[CARRIED] : at[CARRIED] + 6], found.payload)
     if stages.asked & OF_PULLS:
         copy_into(signals[at[PULL] : at[PULL] + len(found.pull)], found.pull)
         copy_into(signals[at[PULL_HOME] : at[PULL_HOME] + len(found.pull_home)], found.pull_home)
+    if stages.asked & OF_TIGHTNESS:
+        copy_into(signals[at[TIGHTNESS] : at[TIGHTNESS] + len(found.tightness)], found.tightness)
 
 
 @compiled(borrows=True)

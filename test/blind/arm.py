@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from blind.cause import Cause, Draw, of_legs
-from blind.drives import Drive, drives_of, uneven
+from blind.drives import Drive, drives_of, encoder_interpolation, uneven
 from blind.kind import Index, Kind, More, Span, read
 from blind.measurement import timestamp_latency, tracker_drift, tracker_scale
 from blind.shared import dimension, in_no_catalogue
+from blind.weight import GRAVITY
 from blind.world import State, World
 
 Array = NDArray[np.float64]
 
 _EXPANSION = 23e-6  # [1/K] aluminium
 _GIVE = 1 / 2.5e4  # [rad/(N m)]
+_SCREWS = 1e7  # [N/m] of all that hold a tool
 _HALVES = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)  # Gauss: mass, centre and inertia of a rod
 _CLOSED, _MOST = 1e-12, 60
 
@@ -136,7 +138,11 @@ class Arm(Kind):
             tilted = Rotation.from_rotvec(build.tilt[i] @ self.across[i]).as_matrix()
             turn = turn @ tilted @ _turned(axis, q[:, i] + build.zero[i])
         place = place + (turn @ link[:, -1, :, None])[..., 0]
-        return ArmStand(place, turn @ self.mounted, np.stack(points, axis=1))
+        held = turn @ self.mounted
+        turned = np.asarray(0.0 if changed is None else changed.of("tool"))
+        if turned.any():
+            held = Rotation.from_rotvec(turned).as_matrix() @ held
+        return ArmStand(place, held, np.stack(points, axis=1))
 
     def masses(
         self, stand: ArmStand, build: Build, payload: Array, centre: Array
@@ -250,6 +256,41 @@ def thermal_growth_link(rng: np.random.Generator, strength: float, legs: Array) 
     return Cause("thermal_growth_link", act, {"expansion": expansion})
 
 
+def flange_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A tool on six springs, its screws, which hold weight and inertia of the payload.
+
+    The springs are on a circle behind the tool; all that the tool can move by goes into their
+    strain, and what they pull with must balance the payload.
+    """
+    behind, ring = rng.uniform(0.1, 0.25), rng.uniform(0.05, 0.075)  # [m]
+    one = _SCREWS / 6 / strength  # [N/m]
+    angle = np.pi / 3 * np.arange(6)
+    screws = np.stack([ring * np.cos(angle), ring * np.sin(angle), np.full(6, -behind)], axis=1)
+
+    def act(world: World, state: State) -> None:
+        stand, kind = world.stand, world.kind
+        forces = np.zeros((len(world.time), 3))
+        forces[:, 2] = -GRAVITY * world.payload
+        forces += world.payload_pushes()
+        out = screws @ np.swapaxes(stand.turn, 1, 2)  # (n, 6, 3) from the tool's place
+        lever = np.broadcast_to(kind.centre @ np.swapaxes(stand.turn, 1, 2), forces.shape)
+        strain = np.zeros((len(forces), 6, 3, 6))  # of each spring by shift and turn of the tool
+        for way, unit in enumerate(np.eye(3)):
+            strain[..., way] = unit
+            strain[..., 3 + way] = np.cross(unit, out)
+        each = strain.reshape(len(forces), 18, 6)
+        stiff = one * np.swapaxes(each, 1, 2) @ each
+        load = np.concatenate([forces, np.cross(lever, forces)], axis=1)
+        gives = np.linalg.solve(stiff, load[..., None])[..., 0]
+        bare = stand.turn @ kind.mounted.T  # of the last link since all joints were at zero
+        shift = np.zeros((len(forces), len(kind.links), 3))
+        shift[:, -1] = (np.swapaxes(bare, 1, 2) @ gives[:, :3, None])[..., 0]
+        state.changed = state.changed.plus("link", shift).plus("tool", gives[:, 3:])
+
+    known = {"shift": strength / _SCREWS, "turn": 2 * strength / _SCREWS / ring**2}
+    return Cause("flange_compliance", act, known | {"behind": behind})
+
+
 def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
     """What an arm can hide: causes by name, and kinds of what no catalogue has."""
     m = len(kind.joints)
@@ -275,6 +316,8 @@ def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
             "reducer_compliance" if m == 2 else "gravity_sag"
         ),
         "thermal_growth_link": thermal_growth_link,
+        "flange_compliance": flange_compliance,
+        "encoder_interpolation": encoder_interpolation,
         "joint_zero_offset": dimension("joint_zero_offset", "joint", 1e-3, zeros),
         "link_length": dimension("link_length", "joint", 0.5e-3, lengths),
     }, in_no_catalogue(kind)

@@ -18,6 +18,7 @@ _STRETCH = 1 / 4e5  # [1/N] of steel cables
 _WEIGHT = 0.6  # [N/m] of 4 mm of steel
 _PULLEY = 20e-3  # [m]
 _DRUM = 1e-3
+_LOST = 0.15  # of the pretension
 _LAYER = 30e-6  # [m^2/m]
 
 
@@ -45,6 +46,24 @@ def cable_elasticity(rng: np.random.Generator, strength: float, legs: Array) -> 
         _lets_out(state, free * (1 + give * pull) - at_home - let_out)
 
     return Cause("cable_elasticity", act, {"give": give})
+
+
+def pretension_loss(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """The drives hold less and less: the tensions are others, and the cables stretch less."""
+    share, constant = strength * _LOST, rng.uniform(1200.0, 4000.0)
+
+    def act(world: World, state: State) -> None:
+        x = np.append(world.stand.place, world.stand.gibbs, axis=1)
+        left = CDPR8.pretension * (1 + share * np.expm1(-world.time / constant))
+        now, before = (
+            CDPR8.tensions(x, world.build, world.payload, CDPR8.centre, kept)
+            for kept in (np.tile(left[:, None], 8), None)
+        )
+        free = np.linalg.norm(CDPR8.away(x, world.build), axis=2) / (1 + _STRETCH * before)
+        _lets_out(state, _STRETCH * (now - before) * free)
+
+    strain = share * CDPR8.pretension * _STRETCH
+    return Cause("pretension_loss", act, {"strain": strain, "constant": constant})
 
 
 def _arc(away: Array, pull: Array, weight: float) -> Array:
@@ -133,6 +152,7 @@ def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
         "cable_sag": cable_sag,
         "pulley_radius": pulley_radius,
         "drum_build_up": drum_build_up,
+        "pretension_loss": pretension_loss,
         "base_joint_position": wrong("base_joint_position", "anchor", 10e-3),
         "platform_joint_position": wrong("platform_joint_position", "joint", 3e-3),
         "drum_scale": dimension("drum_scale", "cable", _DRUM * float(CDPR8.gain[0]), drums),

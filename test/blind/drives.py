@@ -32,6 +32,9 @@ _SCALE = 200e-6
 _CREEP = 0.1e-3  # [rad]
 _LAG = 3e-3  # [s]
 _GIVE = 1 / 2.5e4  # [rad/(N m)]
+_TURN = 2 * np.pi
+LINES = 1024  # periods of an encoder's signals a turn of the joint
+_SUBDIVISION = 0.01  # of a period
 _FINE = 8  # steps between two samples
 
 
@@ -144,6 +147,25 @@ def encoder_eccentricity(
         state.joint += np.arctan2(size * np.sin(angle), 1 + size * np.cos(angle))
 
     return Cause("encoder_eccentricity", act, of_legs("size", size) | of_legs("bearing", bearing))
+
+
+def encoder_interpolation(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Two signals off their ideal, and what their arc tangent then says of the angle."""
+    off = _TURN * strength * _SUBDIVISION * legs * rng.uniform(-1.0, 1.0, (4, len(legs)))
+
+    def act(world: World, state: State) -> None:
+        phase = LINES * world.command
+        cosine = np.cos(phase) + off[0]
+        sine = (1 + off[2]) * np.sin(phase + off[3]) + off[1]
+        told = np.arctan2(sine, cosine)
+        more = told - phase
+        state.joint -= (more - _TURN * np.round(more / _TURN)) / LINES
+
+    names = "sine", "cosine", "second_sine", "second_cosine"
+    shares = np.array([1.0, -1.0, -0.5, -0.5])[:, None]
+    every = zip(names, shares * off / LINES, strict=True)
+    known = {key: value for name, row in every for key, value in of_legs(name, row).items()}
+    return Cause("encoder_interpolation", act, known)
 
 
 def transmission_error(

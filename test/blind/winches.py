@@ -138,8 +138,10 @@ class CableRobot(Kind):
         """By virtual work at the pose `near`, (n, 8) [N]."""
         return self.tensions(np.append(near.place, near.gibbs, axis=1), build, payload, centre)
 
-    def tensions(self, x: Array, build: Build, payload: Array, centre: Array) -> Array:
-        """At poses (n, 6), (n, 8) [N]."""
+    def tensions(
+        self, x: Array, build: Build, payload: Array, centre: Array, kept: Array | None = None
+    ) -> Array:
+        """At poses (n, 6) and a pretension (n, 8), (n, 8) [N]."""
 
         def works(at: Array) -> Array:
             stand = CableStand(at[:, :3], at[:, 3:])
@@ -150,8 +152,8 @@ class CableRobot(Kind):
         slope = slopes(works, x)
         lengths, weight = slope[:, :8], slope[:, 8]
         # sum_i T_i dl_i = -dE for whichever way the platform moves
-        kept = np.full(8, self.pretension)
-        short = -weight - np.einsum("nck,c->nk", lengths, kept)
+        kept = np.full((len(x), 8), self.pretension) if kept is None else kept
+        short = -weight - np.einsum("nck,nc->nk", lengths, kept)
         return kept + np.einsum("nck,nk->nc", np.linalg.pinv(np.swapaxes(lengths, 1, 2)), short)
 
     def places(self, rng: np.random.Generator, count: int) -> Array:

@@ -167,6 +167,13 @@ class World:
         result[rows] = moved.moments()
         return result
 
+    def payload_pushes(self) -> Array:
+        """What the payload pushes with where it is accelerated, (n, 3) [N]."""
+        result = np.zeros((len(self.time), 3))
+        rows, moved = self._moved
+        result[rows] = -moved.pushed[:, -1]
+        return result
+
     @cached_property
     def _moved(self) -> tuple[Index, Moved]:
         """All samples in motion: their rows, and what moved."""

@@ -1,0 +1,124 @@
+"""An encoder that divides the periods of its signals unevenly.
+
+    dq = a sin(N q) + b cos(N q) + c sin(2 N q) + d cos(2 N q)        N: periods a turn
+
+Offsets of the two signals, sine and cosine, make the first pair, unequal amplitudes and a phase
+that is not 90 degrees the second (Heydemann, Applied Optics 20 (1981) 3382). N is what the robot
+file states, `joints.encoder_lines`: it is not sought. Over all the N that encoders have a search
+would find something in any noise; and up to some hundred periods a turn it is what
+`transmission_error` seeks, which does exactly the same there. Nobody looks for it where it could
+not be seen: where its bound is less than what the joints' rest scatters by, or a period is less
+than twice the travel over which readings in motion are averaged (data/poses.py). So it is on a
+motor behind a gear. Longer periods lose a part there that the spacing of the readings decides;
+stated intervals count all that can be lost.
+
+Leaves out slower parts: a disc off its axis is `encoder_eccentricity`.
+
+Sizes: about 1 % of a signal's period of exposed linear encoders (catalogue Exposed Linear
+Encoders, HEIDENHAIN, "position error within one signal period"); more of magnetic ones and of
+those that are out of adjustment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from delta_calibration.data.poses import BLOCK
+from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.remedy import ADJUST, Remedy
+from delta_calibration.effects.signals import JOINT, RATE, Places, Signals
+from delta_calibration.model.symbols import Symbol, cos, sin
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import ParameterSet
+
+_USUAL, _MOST = 0.01, 0.05  # of a period
+_ORDERS = 2
+
+
+@dataclass(frozen=True)
+class EncoderInterpolation(Effect):
+    """Sub-divisional error of each joint's encoder, once and twice a period of its signals."""
+
+    cause: ClassVar[str] = "encoder_interpolation"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "encoder",
+        "set the encoder's reading head and its signals anew, or compensate",
+        "turn the joint over two periods of its encoder in sixteen steps: the error repeats",
+    )
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+    called: ClassVar[str] = "interpolation error of the encoder"
+    takes: ClassVar[tuple[str, ...]] = (JOINT,)
+
+    @property
+    def suits(self) -> bool:
+        """Whether the robot file states the periods, and they are long enough to be seen."""
+        joints = self.robot.joints
+        if joints.encoder_lines <= 0:
+            return False
+        seen = self._period >= 2 * BLOCK * self.mechanism.joint_size
+        return seen and self._period * _MOST >= joints.repeatability
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """a, b, c and d of each joint, in parts of a period [rad], or [m] of one that slides."""
+        period = self._period / self.mechanism.joint_size
+        return self.waves(_USUAL * period, _MOST * period, _ORDERS)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """a sin(n q) + b cos(n q) of one order n."""
+        phase = c[0] * s[0]
+        return v[0] * sin(phase) + v[1] * cos(phase)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each order and joint."""
+        count, first = self.mechanism.joints, places.begin(JOINT)
+        for order in range(_ORDERS):
+            cycles = (order + 1) * self.robot.joints.encoder_lines
+            for joint in range(count):
+                sine = 2 * order * count + joint
+                yield Term((first + joint,), (sine, sine + count), (joint,), (cycles,))
+
+    def doubt(self) -> Effect | None:
+        """What readings in motion lose of it by being averaged."""
+        return _Averaged(self.robot, self.mechanism, self)
+
+    @property
+    def _period(self) -> float:
+        """Of the signals, in the joints' unit."""
+        return 2 * np.pi / self.robot.joints.encoder_lines
+
+
+@dataclass(frozen=True)
+class _Averaged(Effect):
+    """The most that an average over a block of travel takes from each wave."""
+
+    cause: ClassVar[str] = "encoder_averaged"
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+
+    error: EncoderInterpolation
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Those of the error."""
+        return self.error.parameters
+
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`; a joint's share of a block is that of the quickest one."""
+        full, rate = self.error.columns_of(signals), np.abs(signals.of(RATE))
+        most = rate.max(axis=1, keepdims=True)
+        share = np.divide(rate, most, out=np.zeros_like(rate), where=most > 0)
+        travel = BLOCK * self.mechanism.joint_size * share  # (n, m)
+        order = 1 + np.arange(len(self.parameters)) // (2 * self.mechanism.joints)
+        periods = travel[:, :, None] * order * self.robot.joints.encoder_lines / (2 * np.pi)
+        lost = full * (1 - np.sinc(periods))
+        return np.asarray(lost if by_stage is None else by_stage @ lost)

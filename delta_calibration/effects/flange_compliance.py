@@ -1,0 +1,159 @@
+"""A tool flange that gives: the tool shifts and turns under what it carries.
+
+    u = F / K + w x h z        w = (M - (z . M) z / 2) / k        M = (h z + c) x F
+
+F and M are force and moment of the payload on the flange, by its weight and inertia
+(model/loads.py), z is the tool's axis, the flange lies h behind the tool centre point along it,
+and c leads from there to the payload's centre. Screws that stand evenly on a circle are as soft
+to turn about the axis as half of what they are about a diameter; a sensor for forces, a changer
+of tools and an adapter between flange and tool are in K and k as well.
+
+A session hardly shows h: what moves is h^2 / k, and how much of it is a turn shows by a reflector
+beside the axis only. So it is not sought, and stated intervals count a flange that is half or
+twice as far. The shift goes into the tool's place in the last link, and the turn into how it is
+mounted there, so that commands can be corrected by it.
+
+Leaves out the weight of the tool itself, whose centre nobody states: what is always the same of it
+is the tool's place, and what turns with the tool is not known. A platform that is never turned is
+left out as well: all that one gives at rest is a vector for each kilogram, and so does a reflector
+that is seated otherwise when the payload is changed.
+
+Sizes, from general knowledge of data sheets: bearings of a small wrist are stiff by 4e4 to 1e6
+N m/rad to be tilted (crossed rollers of harmonic drives, CSF-2UH), six-axis force sensors by
+1e4 to 1e5 N m/rad and 1e7 to 1e8 N/m, printed adapters and compensators of misalignment for
+assembly by a hundredth of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from delta_calibration.data import Conditions
+from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.regressor import LOAD, Groups, Regressor, by_payload
+from delta_calibration.effects.remedy import COMPENSATE, Remedy
+from delta_calibration.effects.signals import CARRIED, POSE, Places, Signals
+from delta_calibration.mechanisms import SerialArm
+from delta_calibration.model import symbols as sy
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import Parameter, ParameterSet
+
+_SHIFT, _SOFTEST_SHIFT = 1e-7, 1e-5  # [m/N]
+_TURN, _SOFTEST_TURN = 5e-5, 2e-3  # [rad/(N m)]
+_ROWS = ("tool_x", "tool_y", "tool_z", "tool_turn_x", "tool_turn_y", "tool_turn_z")
+
+
+@dataclass(frozen=True)
+class FlangeCompliance(Effect):
+    """Elastic give between the last link and the tool, under the payload."""
+
+    cause: ClassVar[str] = "flange_compliance"
+    remedy: ClassVar[Remedy] = Remedy(
+        COMPENSATE,
+        "tool flange",
+        "tighten the tool and what is between it and the flange, or compensate by the payload",
+        "hold a dial gauge from the last link to the tool and hang the payload on it",
+    )
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+    gentle: ClassVar[bool] = True
+    needs: ClassVar[tuple[str, ...]] = ("payload",)
+    called: ClassVar[str] = "tool flange that gives"
+    takes: ClassVar[tuple[str, ...]] = (CARRIED, POSE)
+    limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
+
+    behind: float = 0.15  # [m] that the flange lies behind the tool centre point: a gripper's
+
+    @property
+    def suits(self) -> bool:
+        """Whether it carries a tool on a flange: an arm does."""
+        return isinstance(self.mechanism, SerialArm)
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """1 / K [m/N] and 1 / k [rad/(N m)]."""
+        sizes = (
+            ("shift", "m/N", _SHIFT, _SOFTEST_SHIFT),
+            ("turn", "rad/(N m)", _TURN, _SOFTEST_TURN),
+        )
+        return ParameterSet(
+            tuple(
+                Parameter(name, unit, 0.0, prior, self.cause, None, 0.0, most)
+                for name, unit, prior, most in sizes
+            )
+        )
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """Shift of the tool in the last link [m], and its turn in its own axes [rad]."""
+        force, moment, at, own = s[0:3], s[3:6], s[6:9], sy.rotation(s[9:12])
+        arm = c[0] * own[:, 2]  # from the flange to the tool centre point
+        about = moment - sy.cross(at - arm, force)
+        twist = sy.dot(own[:, 2], about) / 2
+        turn = v[1] * (about - twist * own[:, 2])
+        shift = own.T @ (v[0] * force + sy.cross(turn, arm))
+        return sy.column(sy.matrix(c[1:10], 3) @ shift, own.T @ turn)
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One, of the whole tool."""
+        carried, pose = places.begin(CARRIED), places.begin(POSE)
+        signals = (*range(carried, carried + 6), *range(pose, pose + 6))
+        rows = tuple(self.mechanism.parameters.row(name) for name in _ROWS)
+        yield Term(signals, (0, 1), rows, self.constants(0))
+
+    def constants(self, joint: int) -> tuple[float, ...]:
+        """How far behind the flange is, and how the tool is mounted in the last link."""
+        del joint
+        arm = self.mechanism
+        assert isinstance(arm, SerialArm)
+        mount = Rotation.from_euler("ZYX", arm.dimensions.mount).as_matrix()
+        return (self.behind, *mount.ravel().tolist())
+
+    def doubt(self) -> Effect | None:
+        """A flange that is half as far behind the tool, or twice as far."""
+        return _Elsewhere(self.robot, self.mechanism, self)
+
+    def regressor(self, at: Conditions) -> Regressor:
+        """Payload."""
+        del at
+        return LOAD
+
+    def groups(self, at: Conditions, joint: int) -> Groups:
+        """By payload."""
+        del joint
+        return by_payload(at)
+
+
+@dataclass(frozen=True)
+class _Elsewhere(Effect):
+    """What the same give moves more about a flange that is farther behind."""
+
+    cause: ClassVar[str] = "flange_elsewhere"
+    kind: ClassVar[str] = "structure"
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+    takes: ClassVar[tuple[str, ...]] = FlangeCompliance.takes
+
+    flange: FlangeCompliance
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Those of the flange."""
+        return self.flange.parameters
+
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`; half of what lies between half of the distance and twice."""
+        far, near = (
+            replace(self.flange, behind=share * self.flange.behind).columns_of(
+                signals, values, by_stage
+            )
+            for share in (2.0, 0.5)
+        )
+        return np.asarray((far - near) / 2)

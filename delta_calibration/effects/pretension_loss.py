@@ -1,0 +1,111 @@
+"""Cables whose pretension falls during the session: they stretch less, and are shorter by that.
+
+    dl = -e h(t) n l        e = loss T_p / EA
+
+T_p is the pretension that the robot file states, n what is left of a newton of it in a cable once
+no force of it is on the platform (model/loads.py), l the cable's length and h the course of the
+loss, 0 at the session's start. It is the elastic stretch alone that falls: as of drives that hold
+the tension by their current and weaken as they warm up, or of a tensioner that yields, while the
+counters go on telling what was let out. What is left at home is no error of the zeros, which were
+taken before.
+
+The loss is in parts of T_p, and with it stands the stiffness EA: only their product shows. Where
+`cable_elasticity` is found beside it, that tells EA.
+
+Leaves out cables that creep. Where winches hold their lengths, pretension falls because the cables
+grow as they relax: as much as they stretch less, and hardly anything moves.
+
+Sizes: magnets lose 0.1 % (neodymium) or 0.2 % (ferrite) of their field by a kelvin, and motors as
+much of their torque, 5 to 15 % in a warm-up; EA is 2e5 to 8e5 N of steel of 4 mm, and 1e5 of thin
+fibre (general knowledge). More than all of it cannot be lost. That cables lose tension after they
+were tightened: Chinese Journal of Mechanical Engineering 32 (2019), doi 10.1186/s10033-019-0362-6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+from delta_calibration.data import Conditions
+from delta_calibration.effects.base import Effect, Interval, Limits
+from delta_calibration.effects.cables import CableEffect, cable, length
+from delta_calibration.effects.regressor import CLOCK, Regressor
+from delta_calibration.effects.remedy import ADJUST, Remedy
+from delta_calibration.effects.signals import GEOMETRY, JOINT, POSE, TIGHTNESS, TIME, Places
+from delta_calibration.effects.time_course import TIME_CONSTANTS, TOLD, around, course
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import ParameterSet
+
+_LOSS, _STIFF, _SOFT = 0.2, 4e5, 1e5  # of the pretension; EA [N] of steel, and of the softest
+
+
+@dataclass(frozen=True)
+class PretensionLoss(CableEffect):
+    """The same share of the pretension lost in all cables, by the clock."""
+
+    cause: ClassVar[str] = "pretension_loss"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "cables",
+        "tighten the cables to their pretension, let the drives warm up, and calibrate again",
+        "read the tension of a cable at the reference pose, before the session and after it",
+    )
+    kind: ClassVar[str] = "structure"
+    outside: ClassVar[str] = "log the cables' tensions, or return to one reference pose"
+    takes: ClassVar[tuple[str, ...]] = (JOINT, TIGHTNESS, TIME, POSE, GEOMETRY)
+    told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
+    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
+
+    time_constant: float = 0.0  # [s]; 0: ramp, by the hour
+
+    @property
+    def suits(self) -> bool:
+        """Whether there are more cables than freedoms, and a pretension."""
+        return (
+            super().suits
+            and self.mechanism.joints > self.mechanism.pose_size
+            and self.cables.pretension > 0
+        )
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Strain that the lost pretension made, e [1]."""
+        pull = self.cables.pretension
+        return self.shared("strain", "1", _LOSS * pull / _STIFF, 0.0, pull / _SOFT)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """-e h(t) n l, as an angle that lets out so much."""
+        last = c.shape[0] - 1
+        own = cable(s, c[0:last])
+        tightness, time = s[1], s[2]
+        return -v[0] * course(time, c[last], -1.0) * tightness * length(own.at) / own.gain
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One for each cable, by the clock in the place of its pulls."""
+        for i, term in enumerate(super().terms(places)):
+            own = places.begin(JOINT) + i, places.begin(TIGHTNESS) + i, places.begin(TIME)
+            signals = (*own, *term.signals[len(own) :])
+            yield replace(term, signals=signals, constants=(*term.constants, self.time_constant))
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """A ramp, and settlings from minutes to an hour."""
+        del at
+        for constant in (0.0, *TIME_CONSTANTS):
+            yield replace(self, time_constant=constant)
+
+    def intervals(self) -> tuple[Interval, ...]:
+        """About the time constant; a ramp has none."""
+        return around(self.time_constant, -1.0)
+
+    def regressor(self, at: Conditions) -> Regressor:
+        """Time."""
+        del at
+        return CLOCK
+
+    @property
+    def bound_to_session(self) -> bool:
+        """A loss by the clock says nothing of another day."""
+        return True
