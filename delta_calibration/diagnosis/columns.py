@@ -65,6 +65,15 @@ class Columns(ABC):
     def through(self, m: Array) -> Array:
         """What each sample gives to products with m f of any function f, m (n, d), (n, k)."""
 
+    def met(self, m: Array, functions: Array) -> Array:
+        """Products of functions (j, n) that move each sample by m (n, d) with these, (j, k)."""
+        return np.asarray(functions @ self.through(m))
+
+    @property
+    def flat(self) -> tuple[Columns, ...]:
+        """All of one kind each, in their order."""
+        return (self,)
+
     @abstractmethod
     def part(self, samples: Samples, d: int) -> Columns:
         """Those of some of the samples, which have d numbers each."""
@@ -180,6 +189,12 @@ class Product(Columns):
         moved = np.einsum("nc,ncm->nm", m, self.moved)
         return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
 
+    def met(self, m: Array, functions: Array) -> Array:
+        """Products with functions that move by m, (j, k); moved once for all of its own."""
+        moved = np.einsum("nc,ncm->mn", m, self.moved)
+        found = [(each * functions) @ self.functions for each in moved]
+        return np.stack(found, axis=-1).reshape(len(functions), -1)
+
     def part(self, samples: Samples, d: int) -> Product:
         """Those of some of the samples."""
         return Product(self.moved[samples], self.functions[samples])
@@ -248,6 +263,11 @@ class Joined(Columns):
     def through(self, m: Array) -> Array:
         """m . x by sample, (n, k)."""
         return np.concatenate([part.through(m) for part in self.parts], axis=1)
+
+    @property
+    def flat(self) -> tuple[Columns, ...]:
+        """Those of all parts."""
+        return tuple(own for part in self.parts for own in part.flat)
 
     def part(self, samples: Samples, d: int) -> Joined:
         """Those of some of the samples."""

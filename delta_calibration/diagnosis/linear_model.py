@@ -234,6 +234,13 @@ class LinearizedModel:
         along = self._rooted(across - self._shared.T @ shared)
         return np.asarray(inner - shared.T @ shared - along.T @ along)
 
+    def left_of_each(self, inner: Array, across: Array, shared: Array) -> Array:
+        """The same of each of L sets by itself: (L, k, k), (L, k, A), (L, k, r) -> (L, k, k)."""
+        along = across - shared @ self._shared
+        rooted = self._rooted(along.reshape(-1, along.shape[2]).T).T.reshape(along.shape)
+        taken = (x @ x.swapaxes(1, 2) for x in (shared, rooted))
+        return np.asarray(inner - sum(taken))
+
     def information_of_each(self, a: Array, k: int) -> Array:
         """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
         shared = self.rest.seen(a)
@@ -277,13 +284,13 @@ class LinearizedModel:
     def columns(self, effect: Effect) -> Array:
         """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
         slope = self.by_stage(effect.stage)
-        columns = effect.columns_of(self._signals(effect), by_stage=slope)
+        columns = effect.columns_of(self.signals(effect), by_stage=slope)
         own = columns if effect.free_form else None  # a map's are hundreds of megabytes: in place
         return np.multiply(columns, effect.parameters.prior, out=own).reshape(self.size, -1)
 
     def product(self, effect: Effect) -> Product:
         """The columns of an effect that moves its whole stage by functions, as products."""
-        functions = effect.functions(self._signals(effect))
+        functions = effect.functions(self.signals(effect))
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 
     def by_stage(self, stage: Stage) -> Array:
@@ -295,7 +302,7 @@ class LinearizedModel:
             Stage.MEASUREMENT: self.whiten[..., : self.axes],
         }[stage]
 
-    def _signals(self, effect: Effect) -> Signals:
+    def signals(self, effect: Effect) -> Signals:
         """What the effect takes of the machine as it stands."""
         if effect.stage is Stage.MEASUREMENT:
             return self._read

@@ -37,11 +37,11 @@ from delta_calibration.diagnosis.candidates import (
     Candidate,
     all_columns,
     bounds_of,
-    columns_of,
     typical_of,
 )
 from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.effects import SPREAD
 from delta_calibration.estimation.positive import solved
 
@@ -130,6 +130,7 @@ class Weighed:
     evidence: LinearizedModel
     weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
     noise_degrees: float  # of freedom of the stated noise
+    every: Shapes  # the same, for explanations of several shapes
     weights: Weights = ()
 
     @classmethod
@@ -138,7 +139,8 @@ class Weighed:
     ) -> Weighed:
         """Draw and weigh."""
         both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)
-        return cls(evidence, evidence.weigh(both), noise_degrees)
+        weighed = evidence.weigh(both)
+        return cls(evidence, weighed, noise_degrees, Shapes(evidence, weighed))
 
     def explore(self, shapes: Sequence[Sequence[Candidate]]) -> list[Score]:
         """The best shape of each explanation, charged for the search.
@@ -171,7 +173,7 @@ class Weighed:
         one of several.
         """
         weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
-        for k, alike in groupby(shapes, lambda group: len(group[0].rows)):
+        for _, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
             for first in range(0, len(groups), AT_A_TIME):
                 some = groups[first : first + AT_A_TIME]
@@ -179,10 +181,7 @@ class Weighed:
                     one = all_columns([some[0][0]], self.evidence)
                     yield some, self.evidence.information_of(one)[None], one.along(weighed)[None]
                     continue
-                columns = [columns_of(group[0], self.evidence) for group in some]
-                every = np.concatenate(columns, axis=1)
-                b = (every.T @ weighed).reshape(len(some), k, -1)
-                yield some, self.evidence.information_of_each(every, k), b
+                yield some, *self.every.products([group[0] for group in some])
 
     def _charged(self, best: _Best) -> Score:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0

@@ -58,6 +58,7 @@ class Table(NamedTuple):
     work: Array
 
 
+_AT_A_TIME = 128  # samples, whose signals stay at hand for all terms
 S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, F_AT = range(9)
 
 
@@ -254,4 +255,48 @@ def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Arr
     """
     found = np.zeros((len(signals), by_stage.shape[1], len(values)))
     _columns(table, signals, values, by_stage, table.work.copy(), found)
+    return found
+
+
+@compiled(borrows=True)
+def _slopes(
+    table: Table, signals: Array, values: Array, place: Index, work: Array, found: Array
+) -> None:
+    count = len(signals)
+    for begin in range(0, count, _AT_A_TIME):
+        for term in range(len(table.law)):
+            span, law = table.span[term], table.law[term]
+            taken, moves = span[S_COUNT], span[V_COUNT]
+            signal = table.signal[span[S_AT] : span[S_AT] + taken]
+            value = table.value[span[V_AT] : span[V_AT] + moves]
+            own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
+            first = span[F_AT] + 1  # behind its only output
+            lead, low, high = table.lead[term], table.reach[term, 0], table.reach[term, 1]
+            for j in range(moves):
+                own[taken + j] = values[value[j]]
+            for row in range(begin, min(begin + _AT_A_TIME, count)):
+                if signals[row, lead] < low or signals[row, lead] > high:
+                    continue
+                for i in range(taken):
+                    own[i] = signals[row, signal[i]]
+                call(law, own)
+                for j in range(moves):
+                    where = place[value[j]]
+                    if where >= 0:
+                        found[where, row] = own[first + j]
+
+
+@compiled()
+def slopes(table: Table, signals: Array, values: Array, place: Index, rows: int) -> Array:
+    """How the one number that each value moves goes with it at every sample, (rows, n).
+
+    Args:
+        table: terms that move a number each, by values that no other takes.
+        signals: (n, S).
+        values: (K,).
+        place: row of each value, (K,); negative: nowhere.
+        rows: how many there are.
+    """
+    found = np.zeros((rows, len(signals)))
+    _slopes(table, signals, values, place, table.work.copy(), found)
     return found
