@@ -17,13 +17,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.columns import Columns, Plain
+from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Stage
 from delta_calibration.effects.apart import Apart, functions_of
@@ -51,8 +50,9 @@ class Shapes:
 
     @cached_property
     def _along(self) -> Array:
-        """Of each joint m . y of what is weighed, then of the nuisance, (m, n, j + a)."""
-        plain = [p.values for p in self.evidence.possible.flat if isinstance(p, Plain)]
+        """Of each joint m . y of what is weighed, then of plain nuisance, (m, n, j + a)."""
+        parts = self.evidence.possible.flat  # what is plain of them is the first
+        plain = [part.values for part in parts if isinstance(part, Plain)]
         stays = Plain(np.concatenate([self.weighed, *plain], axis=1))
         each = self.evidence.by_joints.transpose(2, 0, 1)
         return np.stack([stays.through(m) for m in each])
@@ -98,26 +98,25 @@ class Shapes:
         place = _place(len(shapes), moves)
         signals = self.evidence.signals(shapes[0].effect)
         functions = functions_of(shapes, signals, place)
-        parts = self.evidence.possible.flat
         count, width = len(shapes), self.weighed.shape[1]
-        with_ = np.empty((*place.shape, self._along.shape[2]))
-        others: list[Array] = [
-            np.empty((*place.shape, part.width)) for part in parts if not isinstance(part, Plain)
-        ]
+        along = np.empty((*place.shape, width + self.evidence.possible.width))
         shared = np.empty((*place.shape, len(self.evidence.rest.weak)))
         for joint in np.unique(moves):
             own = np.flatnonzero(moves == joint)
-            block = functions[place[0, own[0]] : place[-1, own[-1]] + 1]
+            some = functions[place[0, own[0]] : place[-1, own[-1]] + 1]
             shape = count, len(own), -1
-            with_[:, own] = (block @ self._along[joint]).reshape(shape)
-            shared[:, own] = self._seen(joint, block).reshape(shape)
-            through = (part for part in parts if not isinstance(part, Plain))
-            for into, part in zip(others, through, strict=True):
-                met = part.met(self.evidence.by_joints[:, :, joint], block)
-                into[:, own] = met.reshape(shape)
-        across = _in_order(parts, with_[..., width:], others)
+            along[:, own] = self._met(joint, some).reshape(shape)
+            shared[:, own] = self._seen(joint, some).reshape(shape)
+        across = along[..., width + self.evidence.possible.order]
         inner = self._inner(functions, place, moves)
-        return self.evidence.left_of_each(inner, across, shared), with_[..., :width]
+        return self.evidence.left_of_each(inner, across, shared), along[..., :width]
+
+    def _met(self, joint: int, functions: Array) -> Array:
+        """Products of functions (j, n) of a joint with what is weighed, then the nuisance."""
+        m = self.evidence.by_joints[:, :, joint]
+        others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
+        met = (other.met(m, functions) for other in others)
+        return np.concatenate([functions @ self._along[joint], *met], axis=1)
 
     def _seen(self, joint: int, functions: Array) -> Array:
         """What of functions (j, n) of a joint looks like rest errors, (j, r)."""
@@ -146,12 +145,3 @@ def _place(count: int, moves: Index) -> Index:
         place[:, own] = begin + np.arange(count * len(own)).reshape(count, -1)
         begin += count * len(own)
     return place
-
-
-def _in_order(parts: Sequence[Columns], plain: Array, others: Sequence[Array]) -> Array:
-    """Products with the nuisance (L, k, A), of which what is `plain` stands apart."""
-    widths = [part.width for part in parts if isinstance(part, Plain)]
-    spans = pairwise(accumulate(widths, initial=0))
-    every, rest = (plain[..., slice(*span)] for span in spans), iter(others)
-    found = [next(every) if isinstance(part, Plain) else next(rest) for part in parts]
-    return np.concatenate(found, axis=-1)
