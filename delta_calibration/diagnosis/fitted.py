@@ -27,7 +27,7 @@ from delta_calibration.diagnosis.candidates import (
 )
 from delta_calibration.diagnosis.constants import NEARLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import AT_A_TIME, PRECISION, free_decrease
+from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
@@ -406,9 +406,7 @@ def gains_of(about: Shapes, candidates: Sequence[Candidate]) -> Array:
     """Decrease of chi square by each of some candidates, (c,); weighed some at a time."""
     gains = [np.zeros(0)]
     for _, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
-        own = list(alike)
-        for first in range(0, len(own), AT_A_TIME):
-            information, along = about.products(own[first : first + AT_A_TIME])
+        for _, information, along in about.each(list(alike)):
             gains.append(free_decrease(information, along)[:, 0])
     return np.concatenate(gains)
 

@@ -48,7 +48,6 @@ from delta_calibration.estimation.positive import solved
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
-AT_A_TIME = 8  # shapes
 
 Weights = tuple[tuple[str, float], ...]  # causes, and how much likelier each is than the average
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
@@ -175,13 +174,14 @@ class Weighed:
         weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
         for _, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
-            for first in range(0, len(groups), AT_A_TIME):
-                some = groups[first : first + AT_A_TIME]
-                if len(some) == 1:  # of a map there is one
-                    one = all_columns([some[0][0]], self.evidence)
-                    yield some, self.evidence.information_of(one)[None], one.along(weighed)[None]
-                    continue
-                yield some, *self.every.products([group[0] for group in some])
+            if len(groups) == 1:  # of a map there is one
+                one = all_columns([groups[0][0]], self.evidence)
+                yield groups, self.evidence.information_of(one)[None], one.along(weighed)[None]
+                continue
+            begin = 0
+            for some, information, b in self.every.each([group[0] for group in groups]):
+                yield groups[begin : begin + len(some)], information, b
+                begin += len(some)
 
     def _charged(self, best: _Best) -> Score:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
