@@ -152,6 +152,9 @@ class Product(Columns):
     def along(self, y: Array) -> Array:
         """X' y, (k, j)."""
         n, d, _ = self.moved.shape
+        if y.shape[1] == 1:  # of thousands of little products each takes a call
+            moved = np.einsum("ncm,nc->nm", self.moved, y.reshape(n, d))
+            return np.asarray(self.functions.T @ moved).reshape(self.width, 1)
         moved = self.moved.swapaxes(1, 2) @ y.reshape(n, d, -1)
         return np.asarray(self.functions.T @ moved.reshape(n, -1)).reshape(self.width, -1)
 

@@ -234,6 +234,11 @@ class LinearizedModel:
         along = self._rooted(across - self._shared.T @ shared)
         return np.asarray(inner - shared.T @ shared - along.T @ along)
 
+    def taken_of(self, a: Columns) -> Array:
+        """What <a, b> = a^T b - taken(a)^T taken(b) takes of k columns, (r + A, k)."""
+        shared = self.rest.seen_of(a)
+        return np.concatenate([shared, self._rooted(self._along(a, shared))])
+
     def left_of_each(self, inner: Array, across: Array, shared: Array) -> Array:
         """The same of each of L sets by itself: (L, k, k), (L, k, A), (L, k, r) -> (L, k, k)."""
         along = across - shared @ self._shared
