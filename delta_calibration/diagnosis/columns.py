@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
+_AT_A_TIME = 32  # columns
 Samples = slice | NDArray[Any]  # indices or a mask
 
 
@@ -155,8 +156,13 @@ class Product(Columns):
         if y.shape[1] == 1:  # of thousands of little products each takes a call
             moved = np.einsum("ncm,nc->nm", self.moved, y.reshape(n, d))
             return np.asarray(self.functions.T @ moved).reshape(self.width, 1)
-        moved = self.moved.swapaxes(1, 2) @ y.reshape(n, d, -1)
-        return np.asarray(self.functions.T @ moved.reshape(n, -1)).reshape(self.width, -1)
+        by_joints, each = self.moved.swapaxes(1, 2), y.reshape(n, d, -1)
+        found = np.empty((self.functions.shape[1], self.moved.shape[2], y.shape[1]))
+        for begin in range(0, y.shape[1], _AT_A_TIME):  # what they move is as many sessions
+            moved = by_joints @ each[..., begin : begin + _AT_A_TIME]
+            along = self.functions.T @ moved.reshape(n, -1)
+            found[..., begin : begin + _AT_A_TIME] = along.reshape(*found.shape[:2], -1)
+        return found.reshape(self.width, -1)
 
     def inner(self) -> Array:
         """X' X, (k, k): by 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2, half the work."""
