@@ -171,16 +171,17 @@ class Weighed:
         Some at a time: the nuisance is large. What chance makes of a shape counts only where it is
         one of several.
         """
-        weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
+        asked = self.weighed.shape[1] if len(shapes) > 1 else 1
         for _, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
-            if len(groups) == 1:  # of a map there is one
+            if groups[0][0].unexplained:  # there is one of so many columns
                 one = all_columns([groups[0][0]], self.evidence)
-                yield groups, self.evidence.information_of(one)[None], one.along(weighed)[None]
+                b = one.along(self.weighed[:, :asked])
+                yield groups, self.evidence.information_of(one)[None], b[None]
                 continue
             begin = 0
             for some, information, b in self.every.each([group[0] for group in groups]):
-                yield groups[begin : begin + len(some)], information, b
+                yield groups[begin : begin + len(some)], information, b[..., :asked]
                 begin += len(some)
 
     def _charged(self, best: _Best) -> Score:
