@@ -17,7 +17,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ from delta_calibration.theta import Layout
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of chance: in memory together
 _AROUND = 9  # readings, about each on a path
 _TURNING = 2e-3  # [rad of a Delta] of travel after a turn
 _SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
@@ -269,8 +270,10 @@ class LinearizedModel:
         z[known] /= np.sqrt(self.precision[known])[:, None]
         drawn = rng.standard_normal((self.size, count))
         drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
-        drawn += self.rest.draw(count, rng)
-        drawn += self.possible.times(z)
+        self.rest.draw_into(drawn, rng)
+        for begin in range(0, count, _DRAWS):
+            own = slice(begin, begin + _DRAWS)
+            drawn[:, own] += self.possible.times(z[:, own])
         return drawn
 
     @cached_property
@@ -439,11 +442,12 @@ def gather(
     (about,) = problem.about(theta, None if guess is None else guess[:count])
     about = less_effects(about, problem.layout, theta)
     if len(paths):
-        moving = _in_motion(paths, chain, theta, None if guess is None else guess[count:])
+        missed, moving = _in_motion(
+            paths, chain, theta, None if guess is None else guess[count:], problem.layout
+        )
         whiten_paths = _whiten_paths(paths, moving.by_joints, cell)
         turning = _TURNING * chain.mechanism.joint_size
-        whiten_paths = _believed(whiten_paths, moving.missed, paths, turning) * whiten_paths
-        moving = less_effects(moving, problem.layout, theta)
+        whiten_paths = _believed(whiten_paths, missed, paths, turning) * whiten_paths
         about = _one_after_the_other(about, moving)
     size, d = chain.mechanism.joint_size, about.missed.shape[1]
     apart = ~on_the_way(survey)
@@ -456,11 +460,23 @@ def gather(
     return replace(evidence, poses=len(poses), robot=cell.robot)
 
 
-def _in_motion(paths: Paths, chain: Chain, theta: Array, guess: Array | None) -> Linear:
-    """Readings in motion about a model: of them only places are used."""
-    at = paths.conditions
-    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
-    return tracker.linearized(chain.predictor(at), theta, guess)
+def _in_motion(
+    paths: Paths, chain: Chain, theta: Array, guess: Array | None, layout: Layout
+) -> tuple[Array, Linear]:
+    """What is missed in motion about a model (n, 3), and the same as `less_effects` has it.
+
+    Of readings in motion only places are used. Some at a time: columns of a map are hundreds.
+    """
+    at, missed, parts = paths.conditions, [], []
+    for begin in range(0, len(at), _AT_A_TIME):
+        rows = np.arange(begin, min(begin + _AT_A_TIME, len(at)))
+        own = at.take(rows)
+        tracker = PointMeasured(own.joint, own.reading, None, 1.0)
+        near = None if guess is None else guess[rows]
+        part = tracker.linearized(chain.predictor(own), theta, near)
+        missed.append(part.missed)
+        parts.append(less_effects(part, layout, theta))
+    return np.concatenate(missed), reduce(_one_after_the_other, parts)
 
 
 def _one_after_the_other(first: Linear, second: Linear) -> Linear:
