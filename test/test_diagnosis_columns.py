@@ -21,10 +21,12 @@ from delta_calibration.diagnosis.candidates import (
 )
 from delta_calibration.diagnosis.columns import Plain, Product, joined
 from delta_calibration.diagnosis.geometry import without_geometry
+from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.diagnosis.scores import Weighed
 from delta_calibration.diagnosis.set_aside import set_aside
+from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.effects import Stage, catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
@@ -190,3 +192,42 @@ def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
     for effect, columns in zip(moving, before, strict=True):
         np.testing.assert_array_equal(known.columns(effect), columns)
     assert "_as_recorded" not in vars(known)
+
+
+def test_shapes_by_functions_and_on_a_grid_are_those_of_their_columns() -> None:
+    """Of many orders of a gear, of all joints and of one, beside a map in the nuisance."""
+    evidence = bare = evidence_of("five_axis")
+    effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)
+    mapped = next(group[0] for group in maps(evidence, effects[0]))
+    evidence = evidence.beside(products_of(mapped, evidence), np.full(len(mapped.rows), 0.04))
+    gear = next(effect for effect in effects if effect.cause == "transmission_error")
+    orders = np.linspace(8.0, 60.0, 30) / gear.mechanism.joint_size
+    shapes = [list(subsets(replace(gear, cycles=order))) for order in orders.tolist()]
+    y = np.random.default_rng(8).standard_normal((evidence.size, 3))
+    for about in (Shapes(evidence, y), Shapes(bare, y)):
+        for candidates in (shapes[:5], shapes):  # few by functions, many on a grid
+            for each in ([group[0] for group in candidates], [group[-1] for group in candidates]):
+                columns = np.concatenate([columns_of(c, about.evidence) for c in each], axis=1)
+                k = len(each[0].rows)
+                expected = about.evidence.information_of_each(columns, k)
+                found, along = (
+                    np.concatenate(part) for part in list(zip(*about.each(each), strict=True))[1:]
+                )
+                scale = np.abs(expected).max()
+                np.testing.assert_allclose(found, expected, atol=1e-10 * scale)
+                beside = (columns.T @ y).reshape(along.shape)
+                np.testing.assert_allclose(along, beside, atol=1e-10 * np.abs(beside).max())
+
+
+def test_one_beside_what_is_kept_is_as_likely_as_among_all() -> None:
+    evidence = evidence_of("five_axis")
+    effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)
+    mapped = next(group[0] for group in maps(evidence, effects[0]))
+    scores = [as_score(c, ()) for e in effects[:6] for c in list(subsets(e))[:2]]
+    scores.append(as_score(mapped, ()))
+    whole = JointFit.of(evidence, scores)
+    for kept in (0, 2):
+        some = JointFit.one_beside(evidence, scores[:kept], scores[kept:])
+        for i in range(kept, len(scores)):
+            together = (*range(kept), i)
+            np.testing.assert_allclose(some.fit(together), whole.fit(together), rtol=1e-6)

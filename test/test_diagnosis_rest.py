@@ -77,7 +77,9 @@ def test_draws_have_the_covariance(rest, covariance) -> None:
     """In forty directions, each within its five standard errors."""
     count, rng = 8000, np.random.default_rng(2)
     u = rng.standard_normal((len(covariance), 40))
-    drawn = u.T @ (rest.draw(count, rng) + rng.standard_normal((len(covariance), count)))
+    chance = rng.standard_normal((len(covariance), count))
+    rest.draw_into(chance, rng)
+    drawn = u.T @ chance
     expected = np.einsum("ij,ik,kj->j", u, covariance, u)
     np.testing.assert_allclose(np.var(drawn, axis=1), expected, rtol=5 * np.sqrt(2 / count))
 

@@ -16,15 +16,17 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+_AT_A_TIME = 32  # columns
 Samples = slice | NDArray[Any]  # indices or a mask
 
 
@@ -64,6 +66,20 @@ class Columns(ABC):
     @abstractmethod
     def through(self, m: Array) -> Array:
         """What each sample gives to products with m f of any function f, m (n, d), (n, k)."""
+
+    def met(self, m: Array, functions: Array) -> Array:
+        """Products of functions (j, n) that move each sample by m (n, d) with these, (j, k)."""
+        return np.asarray(functions @ self.through(m))
+
+    @property
+    def flat(self) -> tuple[Columns, ...]:
+        """All of one kind each, one after the other but for their `order`."""
+        return (self,)
+
+    @property
+    def order(self) -> Index:
+        """Where each column stands among those of `flat`, (k,)."""
+        return np.arange(self.width)
 
     @abstractmethod
     def part(self, samples: Samples, d: int) -> Columns:
@@ -137,8 +153,16 @@ class Product(Columns):
     def along(self, y: Array) -> Array:
         """X' y, (k, j)."""
         n, d, _ = self.moved.shape
-        moved = self.moved.swapaxes(1, 2) @ y.reshape(n, d, -1)
-        return np.asarray(self.functions.T @ moved.reshape(n, -1)).reshape(self.width, -1)
+        if y.shape[1] == 1:  # of thousands of little products each takes a call
+            moved = np.einsum("ncm,nc->nm", self.moved, y.reshape(n, d))
+            return np.asarray(self.functions.T @ moved).reshape(self.width, 1)
+        by_joints, each = self.moved.swapaxes(1, 2), y.reshape(n, d, -1)
+        found = np.empty((self.functions.shape[1], self.moved.shape[2], y.shape[1]))
+        for begin in range(0, y.shape[1], _AT_A_TIME):  # what they move is as many sessions
+            moved = by_joints @ each[..., begin : begin + _AT_A_TIME]
+            along = self.functions.T @ moved.reshape(n, -1)
+            found[..., begin : begin + _AT_A_TIME] = along.reshape(*found.shape[:2], -1)
+        return found.reshape(self.width, -1)
 
     def inner(self) -> Array:
         """X' X, (k, k): by 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2, half the work."""
@@ -180,6 +204,12 @@ class Product(Columns):
         moved = np.einsum("nc,ncm->nm", m, self.moved)
         return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
 
+    def met(self, m: Array, functions: Array) -> Array:
+        """Products with functions that move by m, (j, k); moved once for all of its own."""
+        moved = np.einsum("nc,ncm->mn", m, self.moved)
+        found = [(each * functions) @ self.functions for each in moved]
+        return np.stack(found, axis=-1).reshape(len(functions), -1)
+
     def part(self, samples: Samples, d: int) -> Product:
         """Those of some of the samples."""
         return Product(self.moved[samples], self.functions[samples])
@@ -205,19 +235,20 @@ class Product(Columns):
 
 @dataclass(frozen=True)
 class Joined(Columns):
-    """Columns of one kind after those of another."""
+    """Some columns in an order of their own: what is plain all in one, each product by itself."""
 
     parts: tuple[Columns, ...]
+    stand: Index  # (k,) where each column stands among those of the parts
 
     @property
     def width(self) -> int:
         """How many there are."""
-        return self._begin[-1]
+        return len(self.stand)
 
     def along(self, y: Array) -> Array:
         """X' y, (k, j)."""
         parts = [part.along(y) for part in self.parts]
-        return np.concatenate([np.zeros((0, y.shape[1])), *parts])
+        return np.concatenate([np.zeros((0, y.shape[1])), *parts])[self.stand]
 
     def inner(self) -> Array:
         """X' X, (k, k)."""
@@ -228,17 +259,19 @@ class Joined(Columns):
             for part, span in zip(self.parts[:i], spans[:i], strict=True):
                 found[own, span] = self.parts[i].across(part)
                 found[span, own] = found[own, span].T
-        return found
+        return found[self.stand[:, None], self.stand]
 
     def across(self, other: Columns) -> Array:
         """X' Z, (k, l)."""
         parts = [part.across(other) for part in self.parts]
-        return np.concatenate([np.zeros((0, other.width)), *parts])
+        return np.concatenate([np.zeros((0, other.width)), *parts])[self.stand]
 
     def times(self, values: Array) -> Array:
         """X v, (d n, j)."""
+        own = np.empty_like(values)
+        own[self.stand] = values
         spans = [slice(*span) for span in pairwise(self._begin)]
-        made = (p.times(values[span]) for p, span in zip(self.parts, spans, strict=True))
+        made = (p.times(own[span]) for p, span in zip(self.parts, spans, strict=True))
         return np.asarray(sum(made))
 
     def squares(self, d: int) -> Array:
@@ -247,15 +280,25 @@ class Joined(Columns):
 
     def through(self, m: Array) -> Array:
         """m . x by sample, (n, k)."""
-        return np.concatenate([part.through(m) for part in self.parts], axis=1)
+        return np.concatenate([part.through(m) for part in self.parts], axis=1)[:, self.stand]
+
+    @property
+    def flat(self) -> tuple[Columns, ...]:
+        """Those of its parts."""
+        return self.parts
+
+    @property
+    def order(self) -> Index:
+        """Where each column stands among theirs, (k,)."""
+        return self.stand
 
     def part(self, samples: Samples, d: int) -> Joined:
         """Those of some of the samples."""
-        return Joined(tuple(part.part(samples, d) for part in self.parts))
+        return replace(self, parts=tuple(part.part(samples, d) for part in self.parts))
 
     def weighed(self, root: Array) -> Joined:
         """With the samples' weights changed."""
-        return Joined(tuple(part.weighed(root) for part in self.parts))
+        return replace(self, parts=tuple(part.weighed(root) for part in self.parts))
 
     @cached_property
     def _begin(self) -> tuple[int, ...]:
@@ -263,6 +306,23 @@ class Joined(Columns):
         return tuple(np.cumsum([0, *(part.width for part in self.parts)]).tolist())
 
 
-def joined(parts: Sequence[Columns]) -> Columns:
+def joined(every: Sequence[Columns]) -> Columns:
     """All of some columns, one after the other."""
-    return parts[0] if len(parts) == 1 else Joined(tuple(parts))
+    if len(every) == 1:
+        return every[0]
+    begin, flat = 0, []  # all of one kind, and where its columns are to stand
+    for columns in every:
+        order, at = columns.order, 0
+        for part in columns.flat:
+            stand = np.flatnonzero((order >= at) & (order < at + part.width))
+            stand = stand[np.argsort(order[stand])]
+            flat.append((part, begin + stand))
+            at += part.width
+        begin += columns.width
+    plain = [pair for pair in flat if isinstance(pair[0], Plain)]
+    others = [pair for pair in flat if not isinstance(pair[0], Plain)]
+    parts = [part for part, _ in others]
+    if plain:
+        parts.insert(0, Plain(np.concatenate([cast(Plain, p).values for p, _ in plain], axis=1)))
+    stands = [np.zeros(0, dtype=np.int64), *(stand for _, stand in (*plain, *others))]
+    return Joined(tuple(parts), np.argsort(np.concatenate(stands)))

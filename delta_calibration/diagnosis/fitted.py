@@ -27,7 +27,8 @@ from delta_calibration.diagnosis.candidates import (
 )
 from delta_calibration.diagnosis.constants import NEARLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import AT_A_TIME, PRECISION, free_decrease
+from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
 from delta_calibration.estimation import Population, Problem, placing, registered
@@ -270,10 +271,10 @@ class Fitted(ABC):
         if not others:
             return None
         evidence = beside(self.evidence, (*terms[:i], *terms[i + 1 :]))
-        weighed = evidence.weigh(evidence.column)
-        gains = gains_of(evidence, others, weighed)
+        about = Shapes.of(evidence)
+        gains = gains_of(about, others)
         best = _first_of_the_best(gains)
-        return others[best] if gains[best] > NEARLY * gain_of(evidence, term, weighed) else None
+        return others[best] if gains[best] > NEARLY * gain_of(about, term) else None
 
     def sharpened(self) -> tuple[Candidate, ...]:
         """The terms with searched fields between the points of the search."""
@@ -325,28 +326,31 @@ def _reached(effect: Effect, other: Effect) -> bool:
 def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
     """The best shape within the intervals about a term's, one field after the other."""
     intervals = () if term.effect is None else term.effect.intervals()
-    weighed = evidence.weigh(evidence.column) if intervals else np.zeros(0)
+    if not intervals:
+        return term
+    about = Shapes.of(evidence)
     for interval in intervals * len(intervals):  # what one is best at depends on the others
-        term = _zoomed(evidence, term, interval, weighed)
+        term = _zoomed(about, term, interval)
     valley = term.effect is not None and term.effect.valley
-    return _followed(evidence, term, weighed) if valley else term
+    return _followed(about, term) if valley else term
 
 
-def _followed(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candidate:
+def _followed(about: Shapes, term: Candidate) -> Candidate:
     """The best shape along the valley that several searched fields share, all stepping at once."""
-    gain = gain_of(evidence, term, weighed)
+    gain = gain_of(about, term)
     for _ in range(_STEPS):
-        tried = _ahead(evidence, term, weighed)
-        better = gain_of(evidence, tried, weighed)
+        tried = _ahead(about, term)
+        better = gain_of(about, tried)
         if better <= gain:
             break
         term, gain = tried, better
     return term
 
 
-def _ahead(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candidate:
+def _ahead(about: Shapes, term: Candidate) -> Candidate:
     """One Gauss-Newton step of all searched fields, within their intervals."""
     assert term.effect is not None
+    evidence, weighed = about.evidence, about.weighed
     columns = columns_of(term, evidence)
     value = np.linalg.lstsq(evidence.information(columns), columns.T @ weighed, rcond=None)[0]
     shapes = shape_columns(term, evidence, np.asarray(value[:, 0], dtype=float))
@@ -362,9 +366,7 @@ def _ahead(evidence: LinearizedModel, term: Candidate, weighed: Array) -> Candid
     return replace(term, effect=effect)
 
 
-def _zoomed(
-    evidence: LinearizedModel, term: Candidate, interval: Interval, weighed: Array
-) -> Candidate:
+def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
     """The best shape within the interval of one field, by zooming in."""
     assert term.effect is not None
     name, low, high = interval
@@ -372,7 +374,7 @@ def _zoomed(
         values = np.linspace(low, high, _POINTS)
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
-        gains = gains_of(evidence, shapes, weighed)
+        gains = gains_of(about, shapes)
         top = _first_of_the_best(gains)
         term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
@@ -395,21 +397,17 @@ def _vertex(before: float, top: float, after: float) -> float:
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
 
-def gain_of(evidence: LinearizedModel, candidate: Candidate, weighed: Array) -> float:
+def gain_of(about: Shapes, candidate: Candidate) -> float:
     """Decrease of chi square by a candidate."""
-    return float(gains_of(evidence, [candidate], weighed)[0])
+    return float(gains_of(about, [candidate])[0])
 
 
-def gains_of(evidence: LinearizedModel, candidates: Sequence[Candidate], weighed: Array) -> Array:
+def gains_of(about: Shapes, candidates: Sequence[Candidate]) -> Array:
     """Decrease of chi square by each of some candidates, (c,); weighed some at a time."""
     gains = [np.zeros(0)]
-    for k, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
-        own = list(alike)
-        for first in range(0, len(own), AT_A_TIME):
-            columns = [columns_of(c, evidence) for c in own[first : first + AT_A_TIME]]
-            every = np.concatenate(columns, axis=1)
-            along = (every.T @ weighed).reshape(-1, k, 1)
-            gains.append(free_decrease(evidence.information_of_each(every, k), along)[:, 0])
+    for _, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
+        for _, information, along in about.each(list(alike)):
+            gains.append(free_decrease(information, along)[:, 0])
     return np.concatenate(gains)
 
 

@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
-from delta_calibration.diagnosis.candidates import Candidate, all_columns, bounds_of
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    all_columns,
+    bounds_of,
+    products_of,
+)
 from delta_calibration.diagnosis.constants import SHADOW
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import (
@@ -59,7 +64,6 @@ class JointFit:
 
     candidates: tuple[Candidate, ...]
     tries: Array  # (c,)
-    chances: tuple[Chance, ...]  # what each explains by chance
     information: Array  # (k, k)
     b: Array  # (k,)
     lower: Array  # (k,)
@@ -70,22 +74,53 @@ class JointFit:
     @classmethod
     def of(cls, evidence: LinearizedModel, scores: Sequence[Score]) -> JointFit:
         """Of the candidates of these scores."""
+        every = all_columns([score.candidate for score in scores], evidence)
+        b = every.along(evidence.weigh(evidence.column))[:, 0]
+        return cls._with(scores, evidence.information_of(every), b)
+
+    @classmethod
+    def one_beside(
+        cls, evidence: LinearizedModel, kept: Sequence[Score], others: Sequence[Score]
+    ) -> JointFit:
+        """Of what is kept and of others, of which one is asked for beside it at a time.
+
+        What two of the others have in common is left out: there are many.
+        """
+        scores, weighed = [*kept, *others], evidence.weigh(evidence.column)
+        begin = _begin_of(scores)
+        first, own = slice(0, begin[len(kept)]), [slice(*span) for span in pairwise(begin)]
+        always = all_columns([score.candidate for score in kept], evidence)
+        taken = evidence.taken_of(always)
+        information, b = np.zeros((begin[-1], begin[-1])), np.zeros(begin[-1])
+        information[first, first] = always.inner() - taken.T @ taken
+        b[first] = always.along(weighed)[:, 0]
+        for score, span in zip(others, own[len(kept) :], strict=True):
+            columns = products_of(score.candidate, evidence)
+            of_own = evidence.taken_of(columns)
+            information[span, span] = columns.inner() - of_own.T @ of_own
+            information[first, span] = always.across(columns) - taken.T @ of_own
+            information[span, first] = information[first, span].T
+            b[span] = columns.along(weighed)[:, 0]
+        return cls._with(scores, information, b)
+
+    @classmethod
+    def _with(cls, scores: Sequence[Score], information: Array, b: Array) -> JointFit:
         candidates = tuple(score.candidate for score in scores)
-        every = all_columns(candidates, evidence)
-        bounds = [bounds_of(c) for c in candidates]
-        information = evidence.information_of(every)
-        begin = tuple(np.cumsum([0, *(len(c.rows) for c in candidates)]).tolist())
-        own = [slice(*span) for span in pairwise(begin)]
+        bounds = [bounds_of(candidate) for candidate in candidates]
         return cls(
             candidates=candidates,
             tries=np.array([score.tries for score in scores]),
-            chances=tuple(Chance.of(information[span, span]) for span in own),
             information=information,
-            b=every.along(evidence.weigh(evidence.column))[:, 0],
+            b=b,
             lower=np.concatenate([low for low, _ in bounds]),
             upper=np.concatenate([high for _, high in bounds]),
-            begin=begin,
+            begin=_begin_of(scores),
         )
+
+    def chance(self, i: int) -> Chance:
+        """What a candidate explains by chance."""
+        span = slice(*self.begin[i : i + 2])
+        return Chance.of(self.information[span, span])
 
     def rows(self, terms: Sequence[int]) -> Index:
         """Columns of some of the candidates."""
@@ -123,6 +158,11 @@ class JointFit:
         """Columns of all that is no map."""
         every = enumerate(self.candidates)
         return self.rows([i for i, candidate in every if not candidate.unexplained])
+
+
+def _begin_of(scores: Sequence[Score]) -> tuple[int, ...]:
+    """Where the columns of each begin, and where all end."""
+    return tuple(np.cumsum([0, *(len(score.candidate.rows) for score in scores)]).tolist())
 
 
 def _rooted(factor: Array, right: Array, trans: int = 0) -> Array:

@@ -17,7 +17,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,7 @@ from delta_calibration.theta import Layout
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+_AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of chance: in memory together
 _AROUND = 9  # readings, about each on a path
 _TURNING = 2e-3  # [rad of a Delta] of travel after a turn
 _SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
@@ -234,6 +235,18 @@ class LinearizedModel:
         along = self._rooted(across - self._shared.T @ shared)
         return np.asarray(inner - shared.T @ shared - along.T @ along)
 
+    def taken_of(self, a: Columns) -> Array:
+        """What <a, b> = a^T b - taken(a)^T taken(b) takes of k columns, (r + A, k)."""
+        shared = self.rest.seen_of(a)
+        return np.concatenate([shared, self._rooted(self._along(a, shared))])
+
+    def left_of_each(self, inner: Array, across: Array, shared: Array) -> Array:
+        """The same of each of L sets by itself: (L, k, k), (L, k, A), (L, k, r) -> (L, k, k)."""
+        along = across - shared @ self._shared
+        rooted = self._rooted(along.reshape(-1, along.shape[2]).T).T.reshape(along.shape)
+        taken = (x @ x.swapaxes(1, 2) for x in (shared, rooted))
+        return np.asarray(inner - sum(taken))
+
     def information_of_each(self, a: Array, k: int) -> Array:
         """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
         shared = self.rest.seen(a)
@@ -257,8 +270,10 @@ class LinearizedModel:
         z[known] /= np.sqrt(self.precision[known])[:, None]
         drawn = rng.standard_normal((self.size, count))
         drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
-        drawn += self.rest.draw(count, rng)
-        drawn += self.possible.times(z)
+        self.rest.draw_into(drawn, rng)
+        for begin in range(0, count, _DRAWS):
+            own = slice(begin, begin + _DRAWS)
+            drawn[:, own] += self.possible.times(z[:, own])
         return drawn
 
     @cached_property
@@ -277,13 +292,13 @@ class LinearizedModel:
     def columns(self, effect: Effect) -> Array:
         """Whitened columns of an effect, in units of its parameters' priors, (d n, k)."""
         slope = self.by_stage(effect.stage)
-        columns = effect.columns_of(self._signals(effect), by_stage=slope)
+        columns = effect.columns_of(self.signals(effect), by_stage=slope)
         own = columns if effect.free_form else None  # a map's are hundreds of megabytes: in place
         return np.multiply(columns, effect.parameters.prior, out=own).reshape(self.size, -1)
 
     def product(self, effect: Effect) -> Product:
         """The columns of an effect that moves its whole stage by functions, as products."""
-        functions = effect.functions(self._signals(effect))
+        functions = effect.functions(self.signals(effect))
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 
     def by_stage(self, stage: Stage) -> Array:
@@ -295,7 +310,7 @@ class LinearizedModel:
             Stage.MEASUREMENT: self.whiten[..., : self.axes],
         }[stage]
 
-    def _signals(self, effect: Effect) -> Signals:
+    def signals(self, effect: Effect) -> Signals:
         """What the effect takes of the machine as it stands."""
         if effect.stage is Stage.MEASUREMENT:
             return self._read
@@ -427,11 +442,12 @@ def gather(
     (about,) = problem.about(theta, None if guess is None else guess[:count])
     about = less_effects(about, problem.layout, theta)
     if len(paths):
-        moving = _in_motion(paths, chain, theta, None if guess is None else guess[count:])
+        missed, moving = _in_motion(
+            paths, chain, theta, None if guess is None else guess[count:], problem.layout
+        )
         whiten_paths = _whiten_paths(paths, moving.by_joints, cell)
         turning = _TURNING * chain.mechanism.joint_size
-        whiten_paths = _believed(whiten_paths, moving.missed, paths, turning) * whiten_paths
-        moving = less_effects(moving, problem.layout, theta)
+        whiten_paths = _believed(whiten_paths, missed, paths, turning) * whiten_paths
         about = _one_after_the_other(about, moving)
     size, d = chain.mechanism.joint_size, about.missed.shape[1]
     apart = ~on_the_way(survey)
@@ -444,11 +460,23 @@ def gather(
     return replace(evidence, poses=len(poses), robot=cell.robot)
 
 
-def _in_motion(paths: Paths, chain: Chain, theta: Array, guess: Array | None) -> Linear:
-    """Readings in motion about a model: of them only places are used."""
-    at = paths.conditions
-    tracker = PointMeasured(at.joint, at.reading, None, 1.0)
-    return tracker.linearized(chain.predictor(at), theta, guess)
+def _in_motion(
+    paths: Paths, chain: Chain, theta: Array, guess: Array | None, layout: Layout
+) -> tuple[Array, Linear]:
+    """What is missed in motion about a model (n, 3), and the same as `less_effects` has it.
+
+    Of readings in motion only places are used. Some at a time: columns of a map are hundreds.
+    """
+    at, missed, parts = paths.conditions, [], []
+    for begin in range(0, len(at), _AT_A_TIME):
+        rows = np.arange(begin, min(begin + _AT_A_TIME, len(at)))
+        own = at.take(rows)
+        tracker = PointMeasured(own.joint, own.reading, None, 1.0)
+        near = None if guess is None else guess[rows]
+        part = tracker.linearized(chain.predictor(own), theta, near)
+        missed.append(part.missed)
+        parts.append(less_effects(part, layout, theta))
+    return np.concatenate(missed), reduce(_one_after_the_other, parts)
 
 
 def _one_after_the_other(first: Linear, second: Linear) -> Linear:

@@ -18,7 +18,7 @@ from delta_calibration.diagnosis.constants import ALPHA, IMPERFECT, MOST, NAMED,
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, shadow
 from delta_calibration.diagnosis.scan import Scan
-from delta_calibration.diagnosis.scores import Score
+from delta_calibration.diagnosis.scores import Chance, Score
 
 
 def shortlist(here: Scan) -> list[Score]:
@@ -119,6 +119,7 @@ class Worth:
     degrees: float
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
     fits: dict[tuple[int, ...], tuple[float, float]] = field(default_factory=dict)
+    chances: dict[int, Chance] = field(default_factory=dict)
 
     def __call__(self, chosen: tuple[int, ...]) -> float:
         """Minus infinity where one of them is not significant beside the others."""
@@ -154,12 +155,18 @@ class Worth:
         for i in chosen:
             rest = tuple(j for j in chosen if j != i)
             alone = gain - self._fit(rest)[0]
-            log_p = self.together.chances[i].log_p(alone, self.degrees)
+            log_p = self._chance(i).log_p(alone, self.degrees)
             log_p += float(np.log(self.together.tries[i]))
             if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _least(gain - alone):
                 return -np.inf
             log_b -= shadow(candidates[i], alone)
         return log_b
+
+    def _chance(self, i: int) -> Chance:
+        """What one of them explains by chance, worked out when first asked for."""
+        if i not in self.chances:
+            self.chances[i] = self.together.chance(i)
+        return self.chances[i]
 
     def _fit(self, chosen: tuple[int, ...]) -> tuple[float, float]:
         """Decrease of chi square and ln B; what is left of one set is left of many."""

@@ -113,11 +113,13 @@ def _drawn(
     evidence: LinearizedModel, asked: Sequence[_Neighbourhood], rng: np.random.Generator
 ) -> list[Array]:
     """Chi square and Moran's I of draws of chance, (2, draws) for each neighbourhood."""
-    drawn = evidence.weigh(evidence.draw(_DRAWS, rng))
+    drawn = evidence.draw(_DRAWS, rng)
+    some = [slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME)]
+    for own in some:  # all of them are a hundred megabytes: in place
+        drawn[:, own] = evidence.weigh(drawn[:, own])
     drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
     found = []
     for one in asked:
-        some = (slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME))
         parts = [_square_and_likeness(drawn[one.rows, :, own], one.near) for own in some]
         found.append(np.concatenate(parts, axis=1))
     return found

@@ -101,9 +101,10 @@ def _confidence(
     causes: set[str],
 ) -> float:
     """Share of the probability that falls to the term's class of causes."""
-    first = [as_score(m, tried) for m in (term, *rest)]
-    together = JointFit.of(model.evidence, [*first, *others])
-    kept = tuple(range(1, len(first)))
+    always = [as_score(m, tried) for m in rest]
+    one = [as_score(term, tried), *others]
+    together = JointFit.one_beside(model.evidence, always, one)
+    kept = tuple(range(len(always)))
     best = {_NOTHING: together.fit(kept)[1]}
     for i, candidate in enumerate(together.candidates):
         if i not in kept:

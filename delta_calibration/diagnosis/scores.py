@@ -37,18 +37,17 @@ from delta_calibration.diagnosis.candidates import (
     Candidate,
     all_columns,
     bounds_of,
-    columns_of,
     typical_of,
 )
 from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.effects import SPREAD
 from delta_calibration.estimation.positive import solved
 
 Array = NDArray[np.float64]
 
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
-AT_A_TIME = 8  # shapes
 
 Weights = tuple[tuple[str, float], ...]  # causes, and how much likelier each is than the average
 _RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
@@ -130,6 +129,7 @@ class Weighed:
     evidence: LinearizedModel
     weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
     noise_degrees: float  # of freedom of the stated noise
+    every: Shapes  # the same, for explanations of several shapes
     weights: Weights = ()
 
     @classmethod
@@ -138,7 +138,8 @@ class Weighed:
     ) -> Weighed:
         """Draw and weigh."""
         both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)
-        return cls(evidence, evidence.weigh(both), noise_degrees)
+        weighed = evidence.weigh(both)
+        return cls(evidence, weighed, noise_degrees, Shapes(evidence, weighed))
 
     def explore(self, shapes: Sequence[Sequence[Candidate]]) -> list[Score]:
         """The best shape of each explanation, charged for the search.
@@ -170,19 +171,18 @@ class Weighed:
         Some at a time: the nuisance is large. What chance makes of a shape counts only where it is
         one of several.
         """
-        weighed = self.weighed if len(shapes) > 1 else self.weighed[:, :1]
-        for k, alike in groupby(shapes, lambda group: len(group[0].rows)):
+        asked = self.weighed.shape[1] if len(shapes) > 1 else 1
+        for _, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
-            for first in range(0, len(groups), AT_A_TIME):
-                some = groups[first : first + AT_A_TIME]
-                if len(some) == 1:  # of a map there is one
-                    one = all_columns([some[0][0]], self.evidence)
-                    yield some, self.evidence.information_of(one)[None], one.along(weighed)[None]
-                    continue
-                columns = [columns_of(group[0], self.evidence) for group in some]
-                every = np.concatenate(columns, axis=1)
-                b = (every.T @ weighed).reshape(len(some), k, -1)
-                yield some, self.evidence.information_of_each(every, k), b
+            if groups[0][0].unexplained:  # there is one of so many columns
+                one = all_columns([groups[0][0]], self.evidence)
+                b = one.along(self.weighed[:, :asked])
+                yield groups, self.evidence.information_of(one)[None], b[None]
+                continue
+            begin = 0
+            for some, information, b in self.every.each([group[0] for group in groups]):
+                yield groups[begin : begin + len(some)], information, b[..., :asked]
+                begin += len(some)
 
     def _charged(self, best: _Best) -> Score:
         tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0

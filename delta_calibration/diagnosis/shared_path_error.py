@@ -154,12 +154,10 @@ class SharedPathError:
         """Degrees of freedom that the rest errors take."""
         return float(sum(np.sum((root @ own.T) ** 2) for _, own, root in self._blocks))
 
-    def draw(self, count: int, rng: np.random.Generator) -> Array:
-        """What chance makes of them, (3 n, count)."""
-        drawn = np.zeros((self.own.shape[0] * self.own.shape[1], count))
+    def draw_into(self, drawn: Array, rng: np.random.Generator) -> None:
+        """Add what chance makes of them to draws, (3 n, count)."""
         for at, own, _ in self._blocks:
-            drawn[at] = own @ rng.standard_normal((own.shape[1], count))
-        return drawn
+            drawn[at] += own @ rng.standard_normal((own.shape[1], drawn.shape[1]))
 
 
 def _runs(number: Index) -> list[tuple[int, int]]:

@@ -203,6 +203,14 @@ class Effect(ABC):
         raise NotImplementedError(f"{self.cause} is not made of functions")
 
     @property
+    def order(self) -> float | None:
+        """Of the wave of each joint's own angle that it is, values as `waves` has them, or None.
+
+        The first half of the values are of sines, each of a joint, the others of cosines.
+        """
+        return None
+
+    @property
     def stands(self) -> bool:
         """Whether it takes anything of a machine that stands somewhere: pose, loads."""
         return standing_asked(self.takes)

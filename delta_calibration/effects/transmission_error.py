@@ -64,6 +64,11 @@ class TransmissionError(Effect):
         """Cycles a turn of the joint of each harmonic."""
         return (self.cycles, self.second * self.cycles) if self.second else (self.cycles,)
 
+    @property
+    def order(self) -> float | None:
+        """That of the only harmonic."""
+        return None if self.second else self.cycles
+
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
         """Once a turn of the motor: the gear of the robot's file."""
         del thermometers

@@ -46,6 +46,7 @@ _GIVE_UP = 1e9  # damping
 _DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
 _GROSS = 3.0  # times as far a pose is an error of another kind and does not count
+_TOLD = 10.0  # times as well as beforehand an offset is known by readings that are linear in it
 _ROUNDS = 12  # of the loss made to fit the residuals
 _SHRUNK = 0.9  # a bend of the loss that falls by less has settled
 MOUNT_NAMES = vector_names("probe_turn")
@@ -306,7 +307,8 @@ def solve(
             break
     if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
         loss, starts = _Loss(bend), [now]
-        if start is None or everywhere:  # the rounds may have led to the wrong floor
+        # the rounds may have led to the wrong floor
+        if (start is None or everywhere) and _may_be_elsewhere(problem, now):
             place = _likeliest_place(problem, loss, now, settled)
             made += place.evaluations
             starts += [first, place]
@@ -319,6 +321,21 @@ def solve(
     made += sum(end.evaluations for end in ends)
     best = min(ends, key=lambda end: end.cost)
     return _solution(problem, replace(best, evaluations=made))
+
+
+def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
+    """Whether the reflector's offset may have another floor: where little tells of it.
+
+    The readings of a platform that turns far are linear in the offset, and tell it to a fraction
+    of what is known of it beforehand: a standard deviation from there no floor is as low.
+    """
+    offset = np.flatnonzero(problem.offset_rows())
+    if not offset.size:
+        return False
+    normal = now.equations[0].copy()
+    normal.flat[:: len(normal) + 1] += _DAMPING
+    spread = solved(normal, np.eye(len(normal))[:, offset])[offset]
+    return bool(np.linalg.eigvalsh(spread).max() > 1 / _TOLD**2)
 
 
 def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:

@@ -58,6 +58,7 @@ class Table(NamedTuple):
     work: Array
 
 
+_AT_A_TIME = 128  # samples, whose signals stay at hand for all terms
 S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, F_AT = range(9)
 
 
@@ -170,6 +171,30 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
 
 
 @compiled(borrows=True)
+def slopes_of(slope: Array, output: Index, value: Index, by_stage: Array, found: Array) -> None:
+    """Add to `found` (d, K) how what goes with a stage goes with the values of one term.
+
+    Args:
+        slope: of each output by each value, one output after the other.
+        output: rows of the stage; negative: nowhere.
+        value: columns.
+        by_stage: (d, size of the stage).
+        found: (d, K).
+    """
+    for i in range(len(output)):
+        row = output[i]
+        if row < 0:
+            continue
+        for j in range(len(value)):
+            own = slope[i * len(value) + j]
+            if own == 0.0:
+                continue  # of many outputs most go with one value each
+            for side in range(len(found)):
+                if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
+                    found[side, value[j]] += by_stage[side, row] * own
+
+
+@compiled(borrows=True)
 def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slopes: Array) -> None:
     """Add to `slopes` (d, K) how what goes with a stage as `by_stage` (d, size) goes with values.
 
@@ -178,20 +203,10 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
     term = busy_from(table, 0, signals)
     while term < len(table.law):
         span = table.span[term]
-        count = span[V_COUNT]
+        output = table.output[span[O_AT] : span[O_AT] + span[O_COUNT]]
+        value = table.value[span[V_AT] : span[V_AT] + span[V_COUNT]]
         first = span[W_AT] + span[F_AT] + span[O_COUNT]
-        for i in range(span[O_COUNT]):
-            row = table.output[span[O_AT] + i]
-            if row < 0:
-                continue
-            for j in range(count):
-                column = table.value[span[V_AT] + j]
-                slope = work[first + i * count + j]
-                if slope == 0.0:
-                    continue  # of many outputs most go with one value each
-                for side in range(len(slopes)):
-                    if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
-                        slopes[side, column] += by_stage[side, row] * slope
+        slopes_of(work[first:], output, value, by_stage, slopes)
         term = busy_from(table, term + 1, signals)
 
 
@@ -233,13 +248,27 @@ def firsts(table: Table, signals: Array, values: Array) -> Array:
 def _columns(
     table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
 ) -> None:
-    for row in range(len(signals)):
-        term = busy_from(table, 0, signals[row])
-        while term < len(table.law):
-            evaluate(table, term, signals[row], values, work)
-            term = busy_from(table, term + 1, signals[row])
-        of_row = by_stage[min(row, len(by_stage) - 1)]
-        slopes_into(table, signals[row], work, of_row, found[row])
+    count, shared = len(signals), len(by_stage) == 1
+    for begin in range(0, count, _AT_A_TIME):
+        for term in range(len(table.law)):
+            span, law = table.span[term], table.law[term]
+            taken, moves, outputs = span[S_COUNT], span[V_COUNT], span[O_COUNT]
+            signal = table.signal[span[S_AT] : span[S_AT] + taken]
+            value = table.value[span[V_AT] : span[V_AT] + moves]
+            output = table.output[span[O_AT] : span[O_AT] + outputs]
+            own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
+            first = span[F_AT] + outputs
+            lead, low, high = table.lead[term], table.reach[term, 0], table.reach[term, 1]
+            for j in range(moves):
+                own[taken + j] = values[value[j]]
+            for row in range(begin, min(begin + _AT_A_TIME, count)):
+                if signals[row, lead] < low or signals[row, lead] > high:
+                    continue
+                for i in range(taken):
+                    own[i] = signals[row, signal[i]]
+                call(law, own)
+                through = by_stage[0 if shared else row]
+                slopes_of(own[first:], output, value, through, found[row])
 
 
 @compiled()
@@ -254,4 +283,48 @@ def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Arr
     """
     found = np.zeros((len(signals), by_stage.shape[1], len(values)))
     _columns(table, signals, values, by_stage, table.work.copy(), found)
+    return found
+
+
+@compiled(borrows=True)
+def _slopes(
+    table: Table, signals: Array, values: Array, place: Index, work: Array, found: Array
+) -> None:
+    count = len(signals)
+    for begin in range(0, count, _AT_A_TIME):
+        for term in range(len(table.law)):
+            span, law = table.span[term], table.law[term]
+            taken, moves = span[S_COUNT], span[V_COUNT]
+            signal = table.signal[span[S_AT] : span[S_AT] + taken]
+            value = table.value[span[V_AT] : span[V_AT] + moves]
+            own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
+            first = span[F_AT] + 1  # behind its only output
+            lead, low, high = table.lead[term], table.reach[term, 0], table.reach[term, 1]
+            for j in range(moves):
+                own[taken + j] = values[value[j]]
+            for row in range(begin, min(begin + _AT_A_TIME, count)):
+                if signals[row, lead] < low or signals[row, lead] > high:
+                    continue
+                for i in range(taken):
+                    own[i] = signals[row, signal[i]]
+                call(law, own)
+                for j in range(moves):
+                    where = place[value[j]]
+                    if where >= 0:
+                        found[where, row] = own[first + j]
+
+
+@compiled()
+def slopes(table: Table, signals: Array, values: Array, place: Index, rows: int) -> Array:
+    """How the one number that each value moves goes with it at every sample, (rows, n).
+
+    Args:
+        table: terms that move a number each, by values that no other takes.
+        signals: (n, S).
+        values: (K,).
+        place: row of each value, (K,); negative: nowhere.
+        rows: how many there are.
+    """
+    found = np.zeros((rows, len(signals)))
+    _slopes(table, signals, values, place, table.work.copy(), found)
     return found

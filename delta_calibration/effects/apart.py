@@ -1,0 +1,73 @@
+"""Effects whose values each move one number of their stage: by functions, without columns.
+
+    x_k = m_r f_k        m (n, d, size of the stage),    f_k (n,): the function,    r: what k moves
+
+Of as many shapes as a search tries only the functions differ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from delta_calibration.effects.base import Effect, law_for
+from delta_calibration.effects.signals import Places, Signals
+from delta_calibration.model.law import Law
+from delta_calibration.model.terms import Term, slopes, table_of
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """Some values of an effect, and the terms that they are in."""
+
+    effect: Effect
+    values: tuple[int, ...]  # (k,) which of its parameters
+    moves: tuple[int, ...]  # (k,) number of the stage that each of them moves
+    terms: tuple[Term, ...]
+
+    @classmethod
+    def of(cls, effect: Effect, values: Sequence[int], places: Places) -> Apart | None:
+        """Nothing where one value moves several numbers."""
+        moves: dict[int, int] = {}
+        terms = []
+        for term in effect.terms(places):
+            own = set(term.values).intersection(values)
+            if not own:
+                continue
+            if len(term.outputs) > 1 or min(term.outputs) < 0 or not own.isdisjoint(moves):
+                return None
+            moves.update(dict.fromkeys(own, term.outputs[0]))
+            terms.append(term)
+        if len(moves) < len(values):
+            return None
+        return cls(effect, tuple(values), tuple(moves[v] for v in values), tuple(terms))
+
+
+def functions_of(shapes: Sequence[Apart], signals: Signals, place: Index) -> Array:
+    """Functions by which values move what they move, in units of their priors, (rows, n).
+
+    Args:
+        shapes: L of k values each.
+        signals: of the samples.
+        place: row of each value of each shape, (L, k).
+    """
+    parts: list[tuple[Law, Sequence[Term], int]] = []
+    about, where, size = [np.zeros(0)], [], []
+    for shape, rows in zip(shapes, place, strict=True):
+        effect, values = shape.effect, list(shape.values)
+        law = law_for(effect, shape.terms[0])
+        parts.append((law, shape.terms, sum(len(known) for known in about)))
+        about.append(effect.about)
+        where.append(np.full(len(about[-1]), -1))
+        where[-1][values] = rows
+        size.append(effect.parameters.prior[values])
+    table, at = table_of(parts), np.concatenate(about)
+    found = np.asarray(slopes(table, signals.rows, at, np.concatenate(where), place.size))
+    found[place.ravel()] *= np.concatenate(size)[:, None]
+    return found
