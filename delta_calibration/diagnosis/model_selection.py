@@ -14,7 +14,14 @@ from itertools import combinations
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.constants import ALPHA, IMPERFECT, MOST, NAMED, SHORT_LIST
+from delta_calibration.diagnosis.constants import (
+    ALPHA,
+    ANOTHER,
+    IMPERFECT,
+    MOST,
+    NAMED,
+    SHORT_LIST,
+)
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, shadow
 from delta_calibration.diagnosis.scan import Scan
@@ -58,7 +65,7 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
 
 def _least(explained: float) -> float:
     """lambda that one more explanation must have beside what the others explain."""
-    return max(NAMED, IMPERFECT * explained) if explained > NAMED else 0.0
+    return max(ANOTHER, IMPERFECT * explained) if explained > NAMED else 0.0
 
 
 def decrease_of(model: Fitted) -> float:
