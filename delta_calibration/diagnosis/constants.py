@@ -61,7 +61,7 @@ LAW_BESIDE = 0.1  # share of a law's ln B that a map may have beside it
 MODELLED = 0.03  # share by which a law's ln B must exceed that of causes, to put them in doubt
 LAW_SHOWS = 10.0  # ln B under which no law is looked for further
 QUIETER = 0.8  # of the noise before, from which a smaller one is worth another search
-ANOTHER = 50.0  # lambda that one more cause must have beside those that are found
+ANOTHER = 55.0  # lambda that one more cause must have beside those that are found
 LACKING = 1.1  # misfit from which a model may lack a strong cause
 # standard deviations off its place in the file, from which the reflector may have been drawn away
 STRAYED = 1.0
