@@ -2,8 +2,10 @@
 
     sum_n y_n exp(i w q_n) = h / K(w) sum_g exp(i w x_g) sum_n k(x_g - q_n) y_n
 
-with a kernel k that is nothing beyond a few steps h and whose transform K is known. What is left
-out are the kernel's echoes, by which the sum of a grid differs from an integral.
+with a kernel k that is nothing beyond a few steps h and whose transform K is known: the
+exponential of a semicircle (Barnett, Magland and af Klinteberg 2019, SIAM J. Sci. Comput. 41,
+C479). What is left out are the kernel's echoes, by which the sum of a grid differs from an
+integral.
 """
 
 from __future__ import annotations
