@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from blind.arm import SCARA, UR10, arm_causes
+from blind.arm import SCARA, UR10
+from blind.arm_causes import arm_causes
 from blind.cables import winch_causes
 from blind.cause import Draw
 from blind.delta import DELTA
