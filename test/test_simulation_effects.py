@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
+from delta_calibration.effects import EFFECTS as EVERY
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import InputError
+from delta_calibration.estimation import chain_of
 from delta_calibration.plans import legs, make_plan
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import (
     draw_machine,
     effect_options,
@@ -23,9 +25,10 @@ from delta_calibration.simulation import (
     simulate_session,
     standing,
 )
+from delta_calibration.simulation.hidden import hide
 from six_rods import SixRods
 
-ROBOT = load_robot("srbd")
+ROBOT, CABLES = load_robot("srbd"), load_robot("cdpr8")
 EFFECTS = [effect.cause for effect in catalogue(ROBOT, ROBOT.model())]
 RATE, PERIOD = 20.0, 120.0
 GRAVITY = 9.80665
@@ -134,6 +137,55 @@ def test_every_effect_moves_the_readings_by_its_usual_size(cause):
         np.testing.assert_allclose(moved[RESTING], 0.0, atol=1e-15)
         assert 0.4 < rms(moved[CIRCLE]) / (1e-6 * IN_MOTION[cause]) < 2.5
     assert rms(moved_by(f"{cause}:strength=0.1")) == pytest.approx(0.1 * rms(moved), rel=0.03)
+
+
+@pytest.mark.parametrize("name", known_robots())
+def test_what_a_machine_cannot_have_is_refused_in_words(name):
+    robot = load_robot(name)
+    chain = chain_of(robot)
+    suited = {effect.cause for effect in catalogue(robot, chain.mechanism)}
+    for cause in EVERY:
+        if cause in suited:
+            assert len(hide(robot, chain, {cause: {}}, 1).effects) == 1
+        else:
+            with pytest.raises(InputError, match=f"effect {cause}: [^:]+"):
+                hide(robot, chain, {cause: {}}, 1)
+
+
+def encoders(name, **stated):
+    robot = load_robot(name)
+    return replace(robot, joints=replace(robot.joints, **stated))
+
+
+@pytest.mark.parametrize(
+    ("robot", "cause", "why"),
+    [
+        (ROBOT, "encoder_interpolation", "the robot file does not state joints.encoder_lines$"),
+        (
+            encoders("linear_delta", encoder_lines=2 * np.pi * 1e6),
+            "encoder_interpolation",
+            "joints.encoder_periods_per_m: the periods are too short .*; at most [0-9.]+ can",
+        ),
+        (load_robot("scara"), "gravity_sag", "states its links' masses"),
+        (
+            replace(CABLES, dimensions=replace(CABLES.dimensions, pretension=0.0)),
+            "pretension_loss",
+            "geometry.pretension_n is 0",
+        ),
+    ],
+)
+def test_it_is_said_what_a_machine_lacks(robot, cause, why):
+    with pytest.raises(InputError, match=f"effect {cause}: .*{why}"):
+        hide(robot, chain_of(robot), {cause: {}}, 1)
+
+
+def test_the_most_periods_that_are_told_can_be_seen():
+    few = encoders("linear_delta", encoder_lines=2 * np.pi * 1e6)
+    with pytest.raises(InputError, match="at most") as refused:
+        hide(few, chain_of(few), {"encoder_interpolation": {}}, 1)
+    most = float(str(refused.value).split("at most ")[1].split()[0])
+    seen = encoders("linear_delta", encoder_lines=0.999 * 2 * np.pi * most)
+    assert hide(seen, chain_of(seen), {"encoder_interpolation": {}}, 1).effects
 
 
 def test_a_scale_is_a_share_of_every_reading():

@@ -292,6 +292,11 @@ class Effect(ABC):
         """Whether the mechanism has what it acts on."""
         return True
 
+    @property
+    def unsuited(self) -> str:
+        """Why it does not suit, where it does not."""
+        return f"a {self.mechanism.name} has no such part"
+
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """A form of the cause that such data show as something else, however well they were taken.
 

@@ -109,7 +109,7 @@ def effect_named(
         raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
     effect = known[cause](robot, mechanism)
     if not effect.suits:
-        raise InputError(f"effect {cause}: a {mechanism.name} has no such part")
+        raise InputError(f"effect {cause}: {effect.unsuited}")
     own = effect.settings
     odd = sorted(set(settings) - set(own))
     if odd:

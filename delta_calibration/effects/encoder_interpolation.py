@@ -65,6 +65,17 @@ class EncoderInterpolation(Effect):
         return seen and self._period * _MOST >= joints.repeatability
 
     @property
+    def unsuited(self) -> str:
+        """No periods are stated, or they are too short to be seen."""
+        sliding = self.mechanism.joint_unit == "m"
+        stated = f"joints.{'encoder_periods_per_m' if sliding else 'encoder_lines'}"
+        if self.robot.joints.encoder_lines <= 0:
+            return f"the robot file does not state {stated}"
+        least = max(2 * BLOCK * self.mechanism.joint_size, self.robot.joints.repeatability / _MOST)
+        most = f"at most {(1.0 if sliding else 2 * np.pi) / least:.4g} can be seen"
+        return f"{stated}: the periods are too short for readings to show; {most}"
+
+    @property
     def parameters(self) -> ParameterSet:
         """a, b, c and d of each joint, in parts of a period [rad], or [m] of one that slides."""
         period = self._period / self.mechanism.joint_size

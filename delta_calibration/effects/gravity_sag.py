@@ -64,6 +64,15 @@ class GravitySag(Effect):
         return any(abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links)
 
     @property
+    def unsuited(self) -> str:
+        """No arm, one whose masses are known, or one that bears no weight."""
+        if not isinstance(self.mechanism, SerialArm):
+            return super().unsuited
+        if any(link.mass for link in self.mechanism.dimensions.links):
+            return "the robot file states its links' masses: hide reducer_compliance instead"
+        return "all its axes are upright and bear no weight"
+
+    @property
     def parameters(self) -> ParameterSet:
         """Components of every vector [rad], along its own axis a link has none; 1 / k_j."""
         moments = _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)

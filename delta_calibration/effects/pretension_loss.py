@@ -70,6 +70,15 @@ class PretensionLoss(CableEffect):
         )
 
     @property
+    def unsuited(self) -> str:
+        """No cables, no more than freedoms, or no pretension in them."""
+        if not super().suits:
+            return super().unsuited
+        if self.cables.pretension > 0:
+            return f"its {self.mechanism.joints} cables have no pretension of their own to lose"
+        return "geometry.pretension_n is 0; more than 0 is needed"
+
+    @property
     def parameters(self) -> ParameterSet:
         """Strain that the lost pretension made, e [1]."""
         pull = self.cables.pretension

@@ -112,7 +112,7 @@ def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> 
 
 def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
     """The effect with the settings among the options, or in its usual shape."""
-    plain = EFFECTS[cause](robot, chain.mechanism)
+    plain = effect_named(cause, robot, chain.mechanism, {})
     # A shape that is an array is no setting of a machine's: it goes with the values.
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
     places = [LOCATION] if any(p.location for p in plain.parameters) else []
