@@ -69,7 +69,7 @@ class GravitySag(Effect):
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
         if any(link.mass for link in self.mechanism.dimensions.links):
-            return "the robot file states its links' masses, for which there is reducer_compliance"
+            return "its links' masses are stated: another effect tells their give"
         return "all its axes are upright and bear no weight"
 
     @property
