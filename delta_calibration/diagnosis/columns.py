@@ -68,7 +68,7 @@ class Columns(ABC):
         """What each sample gives to products with m f of any function f, m (n, d), (n, k)."""
 
     def met(self, m: Array, functions: Array) -> Array:
-        """Products of functions (j, n) that move each sample by m (n, d) with these, (j, k)."""
+        """Products of these k columns with f m, (j, k): m (n, d), functions f (j, n)."""
         return np.asarray(functions @ self.through(m))
 
     @property

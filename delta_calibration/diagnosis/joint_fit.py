@@ -82,7 +82,7 @@ class JointFit:
     def one_beside(
         cls, evidence: LinearizedModel, kept: Sequence[Score], others: Sequence[Score]
     ) -> JointFit:
-        """Of what is kept and of others, of which one is asked for beside it at a time.
+        """A fit of the explanations that are kept, together with any one of some others.
 
         What two of the others have in common is left out: there are many.
         """

@@ -75,7 +75,7 @@ class Shapes:
         return np.concatenate([self._along[joint], *(p.through(m) for p in others)], axis=1)
 
     def shared(self, joint: int) -> Array:
-        """What each sample gives of a joint to rest errors, all episodes side by side, (n, r)."""
+        """What a joint adds to rest errors at each sample, all episodes side by side, (n, r)."""
         found, at = np.zeros((len(self.evidence), len(self.evidence.rest.weak))), 0
         for rows, own in zip(self.evidence.rest.samples, self._shared[joint], strict=True):
             found[rows, at : at + own.shape[1]] = own
@@ -151,7 +151,7 @@ class Shapes:
         return self.evidence.left_of_each(inner, across, shared), along[..., :width]
 
     def _met(self, joint: int, functions: Array) -> Array:
-        """Products of functions (j, n) of a joint with what is weighed, then the nuisance."""
+        """Products of a joint's columns, by functions (j, n), with residual and nuisance."""
         m = self.evidence.by_joints[:, :, joint]
         others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
         met = (other.met(m, functions) for other in others)
@@ -215,7 +215,7 @@ class _OfWaves:
 
     @cached_property
     def _angle(self) -> Array:
-        """Of each joint, (m, n)."""
+        """Angles of each joint at the samples, (m, n) [rad, m]."""
         return np.ascontiguousarray(self.about.evidence.at.joint.T)
 
     @cached_property

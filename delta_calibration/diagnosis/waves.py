@@ -72,7 +72,7 @@ class Laid:
 
 @dataclass(frozen=True)
 class Waves:
-    """Waves of some orders on a grid."""
+    """Sines and cosines of some orders, at the points of a grid."""
 
     grid: Grid
     orders: Array  # (K,)

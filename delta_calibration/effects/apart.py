@@ -33,7 +33,7 @@ class Apart:
 
     @classmethod
     def of(cls, effect: Effect, values: Sequence[int], places: Places) -> Apart | None:
-        """Nothing where one value moves several numbers."""
+        """These values of an effect; None where one of them moves several numbers of the stage."""
         moves: dict[int, int] = {}
         terms = []
         for term in effect.terms(places):

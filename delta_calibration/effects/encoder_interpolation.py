@@ -21,7 +21,6 @@ those that are out of adjustment.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -29,10 +28,9 @@ import numpy as np
 
 from delta_calibration.data.poses import BLOCK
 from delta_calibration.effects.base import Array, Effect, Stage
+from delta_calibration.effects.harmonic import HarmonicEffect
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import JOINT, RATE, Places, Signals
-from delta_calibration.model.symbols import Symbol, cos, sin
-from delta_calibration.model.terms import Term
+from delta_calibration.effects.signals import RATE, Signals
 from delta_calibration.parameters import ParameterSet
 
 _USUAL, _MOST = 0.01, 0.05  # of a period
@@ -40,7 +38,7 @@ _ORDERS = 2
 
 
 @dataclass(frozen=True)
-class EncoderInterpolation(Effect):
+class EncoderInterpolation(HarmonicEffect):
     """Sub-divisional error of each joint's encoder, once and twice a period of its signals."""
 
     cause: ClassVar[str] = "encoder_interpolation"
@@ -50,29 +48,21 @@ class EncoderInterpolation(Effect):
         "set the encoder's reading head and its signals anew, or compensate",
         "turn the joint over two periods of its encoder in sixteen steps: the error repeats",
     )
-    kind: ClassVar[str] = "drive"
-    stage: ClassVar[Stage] = Stage.DRIVE
     called: ClassVar[str] = "interpolation error of the encoder"
-    takes: ClassVar[tuple[str, ...]] = (JOINT,)
 
     @property
     def suits(self) -> bool:
         """Whether the robot file states the periods, and they are long enough to be seen."""
-        joints = self.robot.joints
-        if joints.encoder_lines <= 0:
-            return False
-        seen = self._period >= 2 * BLOCK * self.mechanism.joint_size
-        return seen and self._period * _MOST >= joints.repeatability
+        return self.robot.joints.encoder_lines > 0 and self._period >= self._shortest
 
     @property
     def unsuited(self) -> str:
-        """No periods are stated, or they are too short to be seen."""
+        """That no periods are stated, or that they are too short to be seen."""
         sliding = self.mechanism.joint_unit == "m"
         stated = f"joints.{'encoder_periods_per_m' if sliding else 'encoder_lines'}"
         if self.robot.joints.encoder_lines <= 0:
             return f"the robot file does not state {stated}"
-        least = max(2 * BLOCK * self.mechanism.joint_size, self.robot.joints.repeatability / _MOST)
-        most = f"at most {(1.0 if sliding else 2 * np.pi) / least:.4g} can be seen"
+        most = f"at most {(1.0 if sliding else 2 * np.pi) / self._shortest:.4g} can be seen"
         return f"{stated}: the periods are too short for readings to show; {most}"
 
     @property
@@ -81,20 +71,11 @@ class EncoderInterpolation(Effect):
         period = self._period / self.mechanism.joint_size
         return self.waves(_USUAL * period, _MOST * period, _ORDERS)
 
-    @staticmethod
-    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """a sin(n q) + b cos(n q) of one order n."""
-        phase = c[0] * s[0]
-        return v[0] * sin(phase) + v[1] * cos(phase)
-
-    def terms(self, places: Places) -> Iterator[Term]:
-        """One for each order and joint."""
-        count, first = self.mechanism.joints, places.begin(JOINT)
-        for order in range(_ORDERS):
-            cycles = (order + 1) * self.robot.joints.encoder_lines
-            for joint in range(count):
-                sine = 2 * order * count + joint
-                yield Term((first + joint,), (sine, sine + count), (joint,), (cycles,))
+    @property
+    def orders(self) -> tuple[float, ...]:
+        """Once and twice a period."""
+        lines = self.robot.joints.encoder_lines
+        return tuple((order + 1) * lines for order in range(_ORDERS))
 
     def doubt(self) -> Effect | None:
         """What readings in motion lose of it by being averaged."""
@@ -104,6 +85,12 @@ class EncoderInterpolation(Effect):
     def _period(self) -> float:
         """Of the signals, in the joints' unit."""
         return 2 * np.pi / self.robot.joints.encoder_lines
+
+    @property
+    def _shortest(self) -> float:
+        """Period from which on it can be seen, in the joints' unit."""
+        averaged = 2 * BLOCK * self.mechanism.joint_size
+        return max(averaged, self.robot.joints.repeatability / _MOST)
 
 
 @dataclass(frozen=True)

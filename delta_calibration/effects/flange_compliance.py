@@ -132,7 +132,7 @@ class FlangeCompliance(Effect):
 
 @dataclass(frozen=True)
 class _Elsewhere(Effect):
-    """What the same give moves more about a flange that is farther behind."""
+    """The difference that it makes if the flange is farther behind the tool than assumed."""
 
     cause: ClassVar[str] = "flange_elsewhere"
     kind: ClassVar[str] = "structure"

@@ -89,7 +89,7 @@ class GravitySag(Effect):
 
     @property
     def takes(self) -> tuple[str, ...]:
-        """Angles, and the torques of what is carried: the links are of unknown mass."""
+        """Joint angles, and each joint's torque by the payload where that is known."""
         return (JOINT, GRAVITY) if self.payload == KNOWN else (JOINT,)
 
     @property

@@ -20,17 +20,14 @@ from delta_calibration.effects.base import (
     Interval,
     Limits,
     Setting,
-    Stage,
 )
+from delta_calibration.effects.harmonic import HarmonicEffect
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import JOINT, Places
-from delta_calibration.model.symbols import Symbol, cos, sin
-from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class TransmissionError(Effect):
+class TransmissionError(HarmonicEffect):
     """A harmonic of `cycles` a turn of the joint, the same for all joints, and one beside it."""
 
     cause: ClassVar[str] = "transmission_error"
@@ -41,8 +38,6 @@ class TransmissionError(Effect):
         "turn the motor once in ten steps and measure the joint at each: the error repeats",
     )
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"cycles": ("order", "1")}
-    kind: ClassVar[str] = "drive"
-    stage: ClassVar[Stage] = Stage.DRIVE
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5), "second": (0.0, 16.0)}
     live_strength: ClassVar[float] = 0.8
 
@@ -73,24 +68,6 @@ class TransmissionError(Effect):
         """Once a turn of the motor: the gear of the robot's file."""
         del thermometers
         return {"cycles": self.robot.joints.gear_ratio}
-
-    takes: ClassVar[tuple[str, ...]] = (JOINT,)
-
-    @staticmethod
-    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """a sin(n q) + b cos(n q)."""
-        phase = c[0] * s[0]
-        return v[0] * sin(phase) + v[1] * cos(phase)
-
-    def terms(self, places: Places) -> Iterator[Term]:
-        """One for each order and joint."""
-        count = self.mechanism.joints
-        for wave, cycles in enumerate(self.orders):
-            for joint in range(count):
-                sine = 2 * wave * count + joint
-                yield Term(
-                    (places.begin(JOINT) + joint,), (sine, sine + count), (joint,), (cycles,)
-                )
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """The file's gear once and twice; then all that the joints' range can part.
