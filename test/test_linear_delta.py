@@ -84,13 +84,36 @@ def test_nine_of_ten_show_in_heights_and_distances(delta):
     assert rank(np.concatenate([here[:, 2], apart])) == 9
 
 
+def circle_through(foot):
+    """Middle (..., 2) of the circle through three feet (..., 3, 2), and the spokes from it."""
+    across, square = 2 * np.diff(foot, axis=-2), np.diff(np.sum(foot**2, axis=-1))
+    middle = np.linalg.solve(across, square[..., None])[..., 0]
+    return middle, foot - middle[..., None, :]
+
+
+def feet(radius, angle):
+    return radius[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def test_towers_have_their_tolerances_on_the_circle_through_them():
+    """Each tower is off by its own radius and direction; what the circle's directions then do."""
+    rng, drawn = np.random.default_rng(7), np.radians([210.0, 330.0, 90.0])
+    radius, turn = rng.normal(0.160, 1e-3, (20000, 3)), rng.normal(0.0, 5e-3, (20000, 3))
+    _, spoke = circle_through(feet(radius, drawn + turn))
+    off = np.arctan2(spoke[..., 1], spoke[..., 0]) - drawn
+    off = np.mod(off + np.pi, 2 * np.pi) - np.pi
+    shape = off - off.mean(axis=1, keepdims=True)  # all together only turn the base
+    delta = LinearDelta(DRAWING, LinearDeltaTolerances(1e-3, 5e-3, 1e-3, 1e-3))
+    expected = delta.parameters.prior[1:4]
+    np.testing.assert_allclose(np.sqrt(np.sum(shape**2, axis=1).mean() / 2), expected, rtol=0.02)
+
+
 def test_three_radii_are_one_and_a_shift_of_the_base():
     """Towers moved singly still stand on a circle: distances follow from one radius and angles."""
     rng = np.random.default_rng(6)
     angle, radius = np.radians([210.0, 330.0, 90.0]), np.array([0.1612, 0.1590, 0.1604])
-    foot = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    middle = np.linalg.solve(2 * np.diff(foot, axis=0), np.diff(np.sum(foot**2, axis=1)))
-    spoke = foot - middle
+    foot = feet(radius, angle)
+    middle, spoke = circle_through(foot)
     size = np.linalg.norm(spoke, axis=1)
     np.testing.assert_allclose(size, size[0], atol=1e-15)
     turned = np.mod(np.arctan2(spoke[:, 1], spoke[:, 0]), 2 * np.pi)

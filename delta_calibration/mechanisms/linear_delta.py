@@ -70,9 +70,11 @@ class LinearDelta(Mechanism):
     Joints q (n, 3) [m]: how far each carriage stands down from its endstop. Pose x (n, 3) [m]: the
     platform's centre; z = 0 is the bed. Parameters, shape (10,): radius R [m]; of the towers angle
     phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]. All show in the
-    positions. A turn of the base about z changes no height over the bed and no distance: of these
-    observations alone 9 combinations show. Leaves out a tower that leans, a carriage that tilts,
-    and unequal arms of a pair: the platform then tilts.
+    positions. Towers that stand at unequal radii show as directions from that middle, so that the
+    tolerance of a direction is both tolerances together. A turn of the base about z changes no
+    height over the bed and no distance: of these observations alone 9 combinations show. Leaves
+    out a tower that leans, a carriage that tilts, and unequal arms of a pair: the platform then
+    tilts.
     """
 
     name: ClassVar[str] = "linear_delta"
@@ -132,10 +134,13 @@ class LinearDelta(Mechanism):
     def _towers(self) -> Iterator[Parameter]:
         d, t = self.dimensions, self.tolerances
         endstop = d.height + float(np.sqrt(d.arm**2 - d.radius**2))
+        # Unequal radii move the middle of the circle by (2/3) sum of r_i e_i, and two of the three
+        # combinations of directions by as much: their variances add.
+        aside = float(np.hypot(t.angle, t.radius / d.radius))
         for i, about_z in enumerate(d.angles.tolist(), 1):
             where = f"joint_{i}"
             cause = "base_joint_position"
-            yield Parameter(f"tower_angle_{i}", "rad", about_z, t.angle, cause, where)
+            yield Parameter(f"tower_angle_{i}", "rad", about_z, aside, cause, where)
         for i in range(1, TOWERS + 1):
             name, cause = f"endstop_height_{i}", "joint_zero_offset"
             yield Parameter(name, "m", endstop, t.endstop, cause, f"joint_{i}")
