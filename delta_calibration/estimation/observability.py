@@ -59,7 +59,8 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
         scale: (P,), expected size of each parameter.
         names: (P,).
     """
-    matrix = jacobian.reshape(-1, jacobian.shape[-1]) * scale
+    scaled = jacobian.reshape(-1, jacobian.shape[-1]) * scale
+    matrix = np.linalg.qr(scaled, mode="r")  # columns turned: as long, as far from each other
     norms = np.linalg.norm(matrix, axis=0)
     shows = norms > _ZERO * norms.max()  # the rest is rounding, which no scale may make a column
     unit = np.where(shows, matrix / np.where(shows, norms, 1.0), 0.0)
@@ -98,7 +99,7 @@ def _redundancies(
             basis = np.column_stack([basis, left / np.linalg.norm(left)])
             chosen.append(column)
             continue
-        mixture = np.linalg.lstsq(unit[:, chosen], vector, rcond=None)[0]
+        mixture = np.linalg.solve(basis.T @ unit[:, chosen], basis.T @ vector)
         own = norms[column] / scale[column]
         parts = [
             (abs(share), names[other], float(share * own * scale[other] / norms[other]))

@@ -380,8 +380,8 @@ def spread_of(residual: Array) -> float:
 
 def _bend(residual: Array, numbers: Array | int) -> float:
     """Whitened distance from which samples (n, d) of so many numbers count linearly."""
-    median = np.sqrt(2 * gammaincinv(np.asarray(numbers) / 2, 0.5))  # of chi's distribution
-    typical = float(np.median(np.linalg.norm(residual, axis=1) / median))
+    of_width = np.sqrt(2 * gammaincinv(np.arange(residual.shape[1] + 1) / 2, 0.5))  # of chi's
+    typical = float(np.median(np.linalg.norm(residual, axis=1) / of_width[numbers]))
     return _HUBER * max(1.0, typical)
 
 
