@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from delta_calibration.data import Poses
+from delta_calibration.estimation.positive import solved
 from delta_calibration.robot import Robot, Tracker
 
 Array = NDArray[np.float64]
@@ -236,25 +237,34 @@ def _likeliest(
     first = np.flatnonzero(np.diff(place[order], prepend=-1))
     course = visits.course.reshape(len(several), 3, -1)
     columns = np.concatenate([course, visits.deviation[..., None]], axis=2)[several][order]
-    fixed, growing = fixed[several][order], growing[several][order]
+    least = bounds[0] ** 2  # where F is singular, F + s^2 G is not
+    turn, growth = _apart((fixed + least * growing)[several][order], growing[several][order])
+    columns, back = turn @ columns, turn.transpose(0, 2, 1)
+    width = columns.shape[2]
 
     def unlikeliness(log_sigma: float) -> float:
-        covariance = fixed + np.exp(2 * log_sigma) * growing
-        weight = np.linalg.inv(covariance)
-        weighed = weight @ columns
-        places, along = np.add.reduceat(weight, first), np.add.reduceat(weighed, first)
-        width = columns.shape[2]
-        mean = np.linalg.solve(places, along).reshape(-1, width)
-        whole = columns.reshape(-1, width).T @ weighed.reshape(-1, width)
-        whole -= along.reshape(-1, width).T @ mean
+        variance = 1.0 + (np.exp(2 * log_sigma) - least) * growth
+        rooted = columns / np.sqrt(variance)[..., None]
+        places = np.add.reduceat(back / variance[:, None, :] @ turn, first)
+        along = np.add.reduceat(back / np.sqrt(variance)[:, None, :] @ rooted, first)
+        mean = (whitening(places) @ along).reshape(-1, width)
+        rooted = rooted.reshape(-1, width)
+        whole = rooted.T @ rooted - mean.T @ mean
         known, beside = whole[:-1, :-1], whole[:-1, -1]
-        spread = sum(np.linalg.slogdet(each)[1].sum() for each in (covariance, places, known))
-        return float(spread + whole[-1, -1] - beside @ np.linalg.solve(known, beside))
+        spread = sum(np.linalg.slogdet(each)[1].sum() for each in (places, known))
+        spread += np.log(variance).sum()
+        return float(spread + whole[-1, -1] - beside @ solved(known, beside))
 
     best = minimize_scalar(
         unlikeliness, bounds=np.log(bounds), method="bounded", options={"xatol": 1e-3}
     )
-    around = [unlikeliness(best.x + step) for step in (-_STEP, 0.0, _STEP)]
-    bend = around[0] - 2 * around[1] + around[2]
+    bend = unlikeliness(best.x - _STEP) - 2 * best.fun + unlikeliness(best.x + _STEP)
     # -2 log L bends four times as much by log s as by log s^2
     return float(np.exp(best.x)), max(bend / _STEP**2 / 4, _FEWEST_DEGREES)
+
+
+def _apart(fixed: Array, growing: Array) -> tuple[Array, Array]:
+    """T (n, 3, 3) with T F T^T = 1 and T G T^T diagonal, and that diagonal (n, 3)."""
+    white = whitening(fixed)
+    growth, way = np.linalg.eigh(white @ growing @ white.transpose(0, 2, 1))
+    return way.transpose(0, 2, 1) @ white, growth
