@@ -341,15 +341,18 @@ def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
 def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
     """The likeliest with the reflector where the file has it, or a standard deviation from there.
 
-    In each of seven places all else is settled. A platform that hardly tilts tells of an offset
-    little more than its size: there is another floor on the other side.
+    In each of seven places all else is settled, from where it follows to. A platform that hardly
+    tilts tells of an offset little more than its size: there is another floor on the other side.
     """
-    offset = np.flatnonzero(problem.offset_rows())
-    rest, ends = ~problem.offset_rows(), []
-    for place in (np.zeros(offset.size), *np.eye(offset.size), *-np.eye(offset.size)):
+    rest, offset = ~problem.offset_rows(), problem.offset_rows()
+    normal, ends = now.equations[0] + _DAMPING * np.eye(len(now.z)), []
+    follows = solved(normal[np.ix_(rest, rest)], -normal[np.ix_(rest, offset)])
+    for place in (np.zeros(offset.sum()), *np.eye(offset.sum()), *-np.eye(offset.sum())):
         begin = now.z.copy()
         begin[offset] = place
-        ends.append(_settle(problem, _state(problem, begin, loss, None), rest, loss, settled))
+        begin[rest] += follows @ (place - now.z[offset])
+        begun = _state(problem, begin, loss, now.at.pose)
+        ends.append(_settle(problem, begun, rest, loss, max(settled, _ROUGHLY)))
     best = min(ends, key=lambda end: end.cost)
     return replace(best, evaluations=sum(end.evaluations for end in ends))
 
