@@ -189,10 +189,10 @@ def _course(poses: Poses, place: Index, slope: Array) -> Array:
 
 def _deviations(values: Array, label: Index) -> tuple[Array, int]:
     """Each row (n, k) less its group's mean, and the degrees of freedom (rows over groups)."""
-    size = np.bincount(label)
-    mean = np.zeros((len(size), values.shape[1]))
-    np.add.at(mean, label, values)
-    deviation = values - (mean / np.maximum(size, 1)[:, None])[label]
+    size, width = np.bincount(label), values.shape[1]
+    cell = label[:, None] * width + np.arange(width)
+    total = np.bincount(cell.ravel(), values.ravel(), len(size) * width).reshape(-1, width)
+    deviation = values - (total / np.maximum(size, 1)[:, None])[label]
     return deviation, int((size[size > 0] - 1).sum())
 
 
