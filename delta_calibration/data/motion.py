@@ -8,6 +8,7 @@ the noise of an encoder does not turn it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -28,25 +29,66 @@ _AT_A_TIME = 4096
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of the joints at the n samples of a stream, in the order of time."""
+    """Motion of the joints at the n samples of a stream, in the order of time.
+
+    What is not asked for is not computed: poses at rest have no speed.
+    """
 
     time: Array  # (n,) [s]
-    velocity: Array  # (n, m) [rad/s]
-    acceleration: Array  # (n, m) [rad/s^2]
-    direction: Array  # (n, m) -1, 0, 1
-    travel: Array  # (n, m) [rad] since the last turn, infinite before the first
+    joint: Array  # (n, m) [rad]
+    joint_size: float
+
+    @property
+    def velocity(self) -> Array:
+        """(n, m) [rad/s]."""
+        return self._derived[0]
+
+    @property
+    def acceleration(self) -> Array:
+        """(n, m) [rad/s^2]."""
+        return self._derived[1]
+
+    @property
+    def direction(self) -> Array:
+        """(n, m) -1, 0, 1."""
+        return self._stroked[0]
+
+    @property
+    def travel(self) -> Array:
+        """(n, m) [rad] since the last turn, infinite before the first."""
+        return self._stroked[1]
 
     def at(self, time: Array) -> tuple[Array, Array, Array, Array]:
         """Velocity, acceleration, direction and travel at other times, each (k, m)."""
-        last = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, None)
+        last = self._last(time)
         near = np.clip(np.searchsorted(self.time, time), 0, len(self.time) - 1)
         near = np.where(time - self.time[last] <= self.time[near] - time, last, near)
-        return (
-            self.velocity[near],
-            self.acceleration[near],
-            self.direction[last],
-            self.travel[last],
-        )
+        return self.velocity[near], self.acceleration[near], *self.sides(time)
+
+    def sides(self, time: Array) -> tuple[Array, Array]:
+        """Direction and travel at other times, each (k, m)."""
+        last = self._last(time)
+        return self.direction[last], self.travel[last]
+
+    def _last(self, time: Array) -> Index:
+        return np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, None)
+
+    @cached_property
+    def _derived(self) -> tuple[Array, Array]:
+        velocity, acceleration = np.zeros_like(self.joint), np.zeros_like(self.joint)
+        edges = np.r_[0, np.flatnonzero(np.diff(self.time) > _GAP) + 1, len(self.time)]
+        for begin, end in pairwise(edges):
+            if end - begin >= 3:
+                part = slice(begin, end)
+                found = _derivatives(self.time[part], self.joint[part])
+                velocity[part], acceleration[part] = found
+        return velocity, acceleration
+
+    @cached_property
+    def _stroked(self) -> tuple[Array, Array]:
+        strokes = [_strokes(angle, TURNED * self.joint_size) for angle in self.joint.T]
+        direction, travel = (np.column_stack(columns) for columns in zip(*strokes, strict=True))
+        return direction, travel
 
 
 def motion_of(time: Array, joint: Array, joint_size: float = 1.0) -> Motion:
@@ -57,15 +99,7 @@ def motion_of(time: Array, joint: Array, joint_size: float = 1.0) -> Motion:
         joint: coordinates at these times, in the joints' unit.
         joint_size: of the joints' unit, that does what one radian does on a Delta.
     """
-    velocity, acceleration = np.zeros_like(joint), np.zeros_like(joint)
-    edges = np.r_[0, np.flatnonzero(np.diff(time) > _GAP) + 1, len(time)]
-    for begin, end in pairwise(edges):
-        if end - begin >= 3:
-            part = slice(begin, end)
-            velocity[part], acceleration[part] = _derivatives(time[part], joint[part])
-    strokes = [_strokes(joint[:, j], TURNED * joint_size) for j in range(joint.shape[1])]
-    direction, travel = (np.column_stack(columns) for columns in zip(*strokes, strict=True))
-    return Motion(time, velocity, acceleration, direction, travel)
+    return Motion(time, joint, joint_size)
 
 
 def largest_around(value: Array, around: int) -> Array:

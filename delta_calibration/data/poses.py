@@ -153,7 +153,7 @@ def collect(session: Session, joint_names: Sequence[str], joint_size: float = 1.
         RecordingError: streams missing, or joints of another robot.
         DataError: no overlap in time, nothing still.
     """
-    return survey(session, joint_names, joint_size).poses
+    return _poses(session, *_seen(session, joint_names, joint_size), joint_size)
 
 
 def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Survey:
@@ -168,11 +168,16 @@ def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0
         RecordingError: streams missing, or joints of another robot.
         DataError: no overlap in time, nothing still.
     """
+    seen = _seen(session, joint_names, joint_size)
+    return Survey(_poses(session, *seen, joint_size), _paths(session, *seen, joint_size))
+
+
+def _seen(
+    session: Session, joint_names: Sequence[str], joint_size: float
+) -> tuple[Readings, StillMoments, Motion]:
     readings = match(session, joint_names, joint_size)
     moments, readings = find_still(readings, joint_size)
-    motion = _motion(session, joint_names, readings.start_ns, joint_size)
-    paths = _paths(session, readings, moments, motion, joint_size)
-    return Survey(_poses(session, readings, moments, motion, joint_size), paths)
+    return readings, moments, _motion(session, joint_names, readings.start_ns, joint_size)
 
 
 def _poses(
@@ -185,7 +190,7 @@ def _poses(
     middle = (moments.begin + moments.end) / 2
     stamps = _stamps(readings, middle)
     payload, centre = _payload(session.payload, stamps)
-    _, _, direction, travel = motion.at(moments.begin)
+    direction, travel = motion.sides(moments.begin)
     place = _clusters(moments.command, _SAME_PLACE * joint_size)
     held = _clusters(np.nan_to_num(payload, nan=-1.0)[:, None], _SAME_PAYLOAD)
     _, repeat = np.unique(

@@ -60,7 +60,8 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
         names: (P,).
     """
     scaled = jacobian.reshape(-1, jacobian.shape[-1]) * scale
-    matrix = np.linalg.qr(scaled, mode="r")  # columns turned: as long, as far from each other
+    # columns turned: as long, and as far from each other
+    matrix = np.asarray(np.linalg.qr(scaled, mode="r"))
     norms = np.linalg.norm(matrix, axis=0)
     shows = norms > _ZERO * norms.max()  # the rest is rounding, which no scale may make a column
     unit = np.where(shows, matrix / np.where(shows, norms, 1.0), 0.0)
