@@ -61,7 +61,7 @@ def check(
     if named is not None:
         return named
     checked = _in_time(Checked((), in_order(session, robot.joints.names), robot, prefer=prefer))
-    stops = stops_of(checked.session)
+    stops = checked.stops
     if stops is None:
         few = f"fewer than {LEAST} stops with joints and readings: only clocks were checked"
         return replace(checked, notes=(few,))
@@ -103,7 +103,7 @@ def examine(session: Session, robot_file: str | Path, prefer: str = "") -> Check
         if robot is None or _named(session, robot) is not None:
             continue
         checked = Checked((), in_order(session, robot.joints.names), robot)
-        if stops_of(checked.session) is not None:
+        if checked.stops is not None:
             trial = _trial(checked, None, "")
             fitting.append((trial.misfit, trial.placed.typical, change, robot))
     fitting = [one for one in fitting if one[0] <= EXPLAINED]
@@ -203,10 +203,9 @@ def _placed(checked: Checked, document: Document | None, source: str) -> tuple[C
 
 
 def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
+    assert checked.stops is not None
     session = in_order(checked.session, checked.robot.joints.names)
-    stops = stops_of(session)
-    assert stops is not None
-    return Trial(session, checked.robot, stops, document, source)
+    return Trial(session, checked.robot, checked.stops, document, source)
 
 
 def _unexplained(trial: Trial) -> str:
@@ -223,7 +222,7 @@ def _unexplained(trial: Trial) -> str:
 
 def _within_limits(checked: Checked) -> Checked:
     """Joints a turn beyond their limits, which the drawing cannot tell."""
-    limits, stops = checked.robot.joints, stops_of(checked.session)
+    limits, stops = checked.robot.joints, checked.stops
     if limits.unit != "rad" or checked.robot.model().pulls or stops is None:
         return checked
     middle = np.median(joints_and_points(stops)[0], axis=0)
@@ -244,6 +243,6 @@ def _within_limits(checked: Checked) -> Checked:
 
 def _turned(checked: Checked) -> Checked:
     """Order and sense of the tracker's turns."""
-    stops = stops_of(checked.session)
+    stops = checked.stops
     answer = None if stops is None else turn_answer(stops, checked.robot)
     return checked if answer is None else checked.answered(answer)

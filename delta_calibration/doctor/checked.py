@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from delta_calibration.data import Session
-from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake
+from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake, in_order
+from delta_calibration.doctor.stops import stops_of
 from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
 
@@ -26,6 +28,11 @@ class Checked:
     notes: tuple[str, ...] = ()
     document: Document | None = None
     prefer: str = ""  # mistake to undo, of several that explain a session as well
+
+    @cached_property
+    def stops(self) -> Session | None:
+        """Where the machine stood, its joints in the robot's order; None where that is too few."""
+        return stops_of(in_order(self.session, self.robot.joints.names))
 
     def with_(self, change: Change, evidence: str) -> Checked:
         """With a mistake more, undone."""

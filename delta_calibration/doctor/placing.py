@@ -37,6 +37,7 @@ class Placed:
     frame: Frame  # T_tracker_base
     offset: Array  # (3,) [m] of the reflector
     pose: Array  # (n, k)
+    turned: Array  # (n, 3, 3) of the platform in the base
     base: Array  # (n, 3) [m] reflector in the base
     left: Array  # (n, 3) [m] measured less placed
     scale: float = 1.0
@@ -53,6 +54,7 @@ NOWHERE = Placed(
     Frame.identity(),
     np.zeros(3),
     np.zeros((0, 6)),
+    np.zeros((0, 3, 3)),
     np.zeros((0, 3)),
     np.zeros((0, 3)),
 )
@@ -96,12 +98,12 @@ def place_poses(
     reached = np.isfinite(pose).all(axis=1)
     if reached.mean() < 1 - _MOST_LOST or reached.sum() < 4:
         return NOWHERE
-    x, y = pose[reached], point[reached]
-    centre, turned = mechanism.position(x), mechanism.rotation(x)
+    y, centre_all, turned_all = point[reached], mechanism.position(pose), mechanism.rotation(pose)
+    centre, turned = centre_all[reached], turned_all[reached]
     offset = np.array(tracker.reflector_offset, dtype=float)
     turns = float(np.abs(turned - turned[0]).max()) > _TURNS
-    rotation, scale, shift = similarity(centre + turned @ offset, y, np.ones(len(x)), loose, apart)
-    weight, frame = np.ones(len(x)), Frame(scale * rotation, shift)
+    rotation, scale, shift = similarity(centre + turned @ offset, y, np.ones(len(y)), loose, apart)
+    weight, frame = np.ones(len(y)), Frame(scale * rotation, shift)
     before = np.inf
     for _ in range(_ROUNDS):
         predicted = frame.apply(centre + turned @ offset)
@@ -117,11 +119,11 @@ def place_poses(
         source = centre + turned @ offset
         rotation, scale, shift = similarity(source, y, weight, loose, apart)
         frame = Frame(scale * rotation, shift)
-    base_all = mechanism.position(pose) + mechanism.rotation(pose) @ offset
+    base_all = centre_all + turned_all @ offset
     left_all = point - frame.apply(base_all)
     away = np.linalg.norm(np.nan_to_num(left_all, nan=np.inf), axis=1) / abs(scale)
     typical = float(np.median(away))
-    return Placed(typical, frame, offset, pose, base_all, left_all, scale, turns)
+    return Placed(typical, frame, offset, pose, turned_all, base_all, left_all, scale, turns)
 
 
 def _offset(
@@ -179,10 +181,10 @@ def expected(placed: Placed, robot: Robot, joint: Array) -> float:
     return float(np.median(size)) if size.size else np.inf
 
 
-def turned_by(placed: Placed, quaternion: Array, robot: Robot) -> tuple[Array, Array]:
+def turned_by(placed: Placed, quaternion: Array) -> tuple[Array, Array]:
     """How the probe is turned on the platform: mean (3, 3), and each stop about it (n,) [rad]."""
     good = np.isfinite(placed.pose).all(axis=1)
-    turned = placed.frame.rotation @ robot.model().rotation(placed.pose[good])
+    turned = placed.frame.rotation @ placed.turned[good]
     mount = np.swapaxes(turned, 1, 2) @ rotations.from_quaternion(quaternion[good])
     mean = _nearest(np.median(mount, axis=0))
     for _ in range(5):

@@ -30,14 +30,13 @@ def turn_misfit(stops: Session, robot: Robot) -> tuple[float, bool] | None:
     if stops.tracker is None or stops.tracker.quaternion is None:
         return None
     placed = place(stops, robot)
-    return _misfit(placed, stops.tracker.quaternion, robot) if placed.found else None
+    return _misfit(placed, stops.tracker.quaternion) if placed.found else None
 
 
-def _misfit(placed: Placed, quaternion: Array, robot: Robot) -> tuple[float, bool]:
+def _misfit(placed: Placed, quaternion: Array) -> tuple[float, bool]:
     """The same of a drawing that has been laid before the tracker."""
-    mount, about = turned_by(placed, quaternion, robot)
-    pose = placed.pose[np.isfinite(placed.pose).all(axis=1)]
-    turned = robot.model().rotation(pose)
+    mount, about = turned_by(placed, quaternion)
+    turned = placed.turned[np.isfinite(placed.pose).all(axis=1)]
     turning = float(np.median(np.linalg.norm(turned - turned.mean(axis=0), axis=(1, 2))))
     if turning > _TURNING:
         return float(np.median(about)), True
@@ -58,17 +57,17 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     placed, quaternion = place(stops, robot), stops.tracker.quaternion
     if not placed.found:
         return None
-    here = _misfit(placed, quaternion, robot)
+    here = _misfit(placed, quaternion)
     if here[0] < (DOUBTED if here[1] else _STRAIGHT[1]):
         return None
-    if not here[1] and _is_straight_some_way(placed, quaternion, robot):
+    if not here[1] and _is_straight_some_way(placed, quaternion):
         return None
     scored = []
     for change in hypotheses.rotation_orders():  # these leave the drawing where it stands
         tracker = change.undo(stops).tracker
         assert tracker is not None
         assert tracker.quaternion is not None
-        scored.append((change, _misfit(placed, tracker.quaternion, robot)[0]))
+        scored.append((change, _misfit(placed, tracker.quaternion)[0]))
     for change in hypotheses.cyclic_axes():
         score = turn_misfit(change.undo(stops), robot)
         if score is not None:
@@ -83,7 +82,7 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     return Answer((change,), evidence)
 
 
-def _is_straight_some_way(placed: Placed, quaternion: Array, robot: Robot) -> bool:
+def _is_straight_some_way(placed: Placed, quaternion: Array) -> bool:
     """Whether the probe is mounted at right angles: no reason for doubt."""
-    mount, _ = turned_by(placed, quaternion, robot)
+    mount, _ = turned_by(placed, quaternion)
     return bool(np.sort(np.abs(mount), axis=1)[:, 2].min() > np.cos(_STRAIGHT[0]))
