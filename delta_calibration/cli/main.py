@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import sys
@@ -44,6 +45,7 @@ VERBS = (
 )
 _MODULES = {"import": "import_table"}  # where a verb is no name in Python
 _INTERRUPTED = 130
+_LEFT = 500_000  # new objects from which garbage is looked for; modules leave half as many
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
 for _library in ("OPENBLAS", "MKL", "OMP"):
@@ -108,6 +110,7 @@ def group() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script; leaves the process."""
+    gc.set_threshold(_LEFT)
     sys.exit(run(arguments))
 
 
