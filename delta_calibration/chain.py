@@ -17,9 +17,9 @@ loads are that some effects take. Without effects q' is q.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -181,18 +181,26 @@ class Chain:
         masses = self.effects[0].robot.masses if self.effects else None
         return self.mechanism.body(masses)
 
-    def stages(self, parts: tuple[str, ...]) -> Any:
+    @cached_property
+    def stages(self) -> Callable[[tuple[str, ...]], Any]:
         """Effects of drives and structure as the compiled chain takes them (model/stand.py).
 
-        Args:
-            parts: of which temperatures are recorded.
+        By the parts of which temperatures are recorded; made once for all samples.
         """
-        places = Places.of(self.mechanism, parts)
-        return stages_of(self.effects, tuple(self.layout.each), places)
+        return cache(partial(_stages, self.mechanism, self.effects, tuple(self.layout.each)))
 
     def point(self, x: Array, offset: Array) -> Array:
         """A point fixed to the platform, in the base, (n, 3) [m]."""
         return self.mechanism.points(x, offset)
+
+
+def _stages(
+    mechanism: Mechanism,
+    effects: tuple[Effect, ...],
+    each: tuple[slice, ...],
+    parts: tuple[str, ...],
+) -> Any:
+    return stages_of(effects, each, Places.of(mechanism, parts))
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:

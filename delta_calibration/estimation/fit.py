@@ -255,11 +255,9 @@ def _fewest(carried: Carried | None, population: Population | None) -> int:
 
 
 def _turn_missed(full: Solution) -> float | None:
-    problem = full.problem
-    if not problem.layout.has_mount:
+    if not full.problem.layout.has_mount:
         return None
-    whitened = np.linalg.solve(problem.whiten, full.residual[..., None])[..., 0]
-    return float(np.sqrt(np.mean(np.sum(whitened[:, 3:] ** 2, axis=1))))
+    return float(np.sqrt(np.mean(np.sum(_missed_by(full)[:, 3:] ** 2, axis=1))))
 
 
 def prepare(
@@ -299,10 +297,13 @@ def prepare(
 
 def distances(solution: Solution) -> Array:
     """3-D distance between measured and predicted, (n,) [m]."""
-    chain, problem = solution.problem.chain, solution.problem
-    theta = solution.theta[problem.layout.chain]
-    missed = problem.y - chain.predict(problem.at, theta, solution.pose)
-    return np.asarray(np.linalg.norm(missed, axis=1))
+    return np.asarray(np.linalg.norm(_missed_by(solution)[:, :3], axis=1))
+
+
+def _missed_by(solution: Solution) -> Array:
+    """Measured less predicted, (n, d) [m, rad]."""
+    missed = np.linalg.solve(solution.problem.whiten, solution.residual[..., None])
+    return np.asarray(missed[..., 0])
 
 
 def _require_held(chain: Chain, poses: Poses, x: Array) -> None:
