@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import cache
 from threading import Lock
 
-from threadpoolctl import threadpool_limits
+import scipy.linalg  # noqa: F401 - so that its library is there to be limited, beside numpy's
+from threadpoolctl import ThreadpoolController
 
 _lock, _limit = Lock(), ExitStack()
 _inside = 0  # who holds the limit, which is of the whole process
@@ -22,7 +24,7 @@ def one_thread() -> Iterator[None]:
     global _inside
     with _lock:
         if not _inside:
-            _limit.enter_context(threadpool_limits(limits=1, user_api="blas"))
+            _limit.enter_context(_libraries().limit(limits=1, user_api="blas"))
         _inside += 1
     try:
         yield
@@ -31,3 +33,9 @@ def one_thread() -> Iterator[None]:
             _inside -= 1
             if not _inside:
                 _limit.close()
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Of linear algebra: looking for them among all that are loaded takes a millisecond."""
+    return ThreadpoolController()
