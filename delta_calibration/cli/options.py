@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 
 import click
 from click.shell_completion import CompletionItem
-from tqdm import tqdm
 
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
@@ -123,13 +122,20 @@ def numbers_option(function: Function) -> Function:
 
 def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
     """A bar with the time left, on work over a second; none where stderr is no terminal."""
+    from tqdm import tqdm  # a verb that has no long work does not wait for it
+
     bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
     return bar
 
 
 @contextmanager
 def counter(most: int, unit: str) -> Iterator[Callable[[int], object]]:
-    """The same for work that tells of itself how many units it has just done."""
+    """The same for work that tells of itself how many units it has just done; of none, no bar."""
+    if not most:
+        yield lambda _: None
+        return
+    from tqdm import tqdm
+
     with tqdm(total=most, unit=unit, unit_scale=True, delay=1.0, disable=None, leave=False) as bar:
         yield bar.update
 
