@@ -120,15 +120,23 @@ def test_a_length_at_fault_is_named_link_length():
     assert cause["skew_2"] == "joint_axis_tilt"
 
 
-def test_all_that_is_drawn_along_a_link_grows():
-    arm = SerialArm(UR10, TOLERANCES)
-    lengths = dict(zip(arm.parameters.names, ThermalGrowthLink(ROBOT, arm).lengths(), strict=True))
-    grown = {name: value for name, value in lengths.items() if value != 0}
-    drawn = {
-        "offset_1": 0.1273,
-        "length_3": -0.612,
-        "length_4": -0.5723,
-        "offset_5": 0.1157,
-        "offset_6": 0.0922,
-    }
-    assert grown == pytest.approx(drawn, abs=1e-12)
+@pytest.mark.parametrize("twist", [0.0, np.pi])
+def test_an_arm_that_grows_is_one_drawn_larger(twist: float):
+    """Offsets along parallel axes too, whichever way these point."""
+    base, upper, elbow, fore, *wrist = UR10.links
+    elbow, fore = replace(elbow, offset=0.05), replace(fore, twist=twist)
+    drawn = replace(UR10, links=(base, upper, elbow, fore, *wrist))
+    arm = SerialArm(drawn, TOLERANCES)
+    chain = Chain(arm, np.zeros(3), 1e-3, (ThermalGrowthLink(ROBOT, arm, sensor="link"),))
+    theta = chain.join(arm.parameters.nominal, np.zeros(3), Frame.identity())
+    theta[-1] = 23e-6
+    q = np.random.default_rng(3).uniform(-2.0, 2.0, (10, 6))
+    warm = replace(at_rest(q), temperature_parts=("link",), temperature=np.full((10, 1), 30.0))
+    larger = 1 + 23e-5
+    links = [
+        replace(link, length=larger * link.length, offset=larger * link.offset)
+        for link in drawn.links
+    ]
+    other = SerialArm(replace(drawn, links=tuple(links)), TOLERANCES)
+    expected = other.forward(q, other.parameters.nominal)[:, :3]
+    np.testing.assert_allclose(chain.predict(warm, theta), expected, atol=1e-12)

@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from delta_calibration.effects.base import Array
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
+from delta_calibration.mechanisms import SerialArm
 
 
 @dataclass(frozen=True)
 class ThermalGrowthLink(ThermalGrowth):
-    """Lengths and offsets of the links grow; offsets along parallel axes, as drawn, do not."""
+    """Lengths and offsets of the links grow."""
 
     cause: ClassVar[str] = "thermal_growth_link"
     remedy: ClassVar[Remedy] = Remedy(
@@ -24,5 +27,6 @@ class ThermalGrowthLink(ThermalGrowth):
     part: ClassVar[str] = "link"
 
     def lengths(self) -> Array:
-        """(p,) [m]."""
-        return self.nominal_of("link_length") + self.nominal_of("link_offset")
+        """(p,) [m]; none where the mechanism is no arm."""
+        arm = self.mechanism
+        return arm.drawn_along if isinstance(arm, SerialArm) else np.zeros(len(arm.parameters))

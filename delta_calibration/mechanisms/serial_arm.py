@@ -88,6 +88,23 @@ class SerialArm(Mechanism):
         return np.array([*each, *self.dimensions.mount.tolist()])
 
     @property
+    def drawn_along(self) -> Array:
+        """Lengths and offsets of the drawing, each with the parameter that it moves, (p,) [m].
+
+        An offset along an axis that is parallel to the one before is no parameter: it moves all
+        behind it as one along the axis before does, and is counted there.
+        """
+        found, own, along = self.parameters.nominal.copy(), -1, 1.0
+        found[[p.cause not in ("link_length", "link_offset") for p in self.parameters]] = 0.0
+        for number, link in enumerate(self.dimensions.links, 1):
+            if link.parallel:
+                along *= float(np.sign(np.cos(link.twist)))
+                found[own] += along * link.offset
+            else:
+                own, along = self.parameters.row(f"offset_{number}"), 1.0
+        return found
+
+    @property
     def limbs(self) -> tuple[Limb, ...]:
         """One, of all links and the tool."""
         row, first = self.parameters.row, len(self.parameters)

@@ -93,14 +93,17 @@ def metadata_text(
     topics: Sequence[TopicEntry],
     span_ns: tuple[int, int] | None,
     custom_data: Mapping[str, str],
-) -> tuple[str, str]:
-    """Content of `metadata.yaml`, whole and without its root key (as MCAP's own record has it).
+    *,
+    rooted: bool = True,
+) -> str:
+    """Content of `metadata.yaml`.
 
     Args:
         file: Name of the data file in the folder.
         topics: All topics with their counts.
         span_ns: First and last time of arrival; None where nothing has arrived.
         custom_data: Provenance.
+        rooted: With its root key; MCAP's own record has it without.
     """
     first, last = span_ns if span_ns else (_NOTHING_NS, _NOTHING_NS)
     count = sum(topic.count for topic in topics)
@@ -121,7 +124,7 @@ def metadata_text(
         "custom_data": dict(custom_data) or None,
         "ros_distro": "jazzy",  # whose message definitions are in it
     }
-    return dump_yaml({_ROOT: information}), dump_yaml(information)
+    return dump_yaml({_ROOT: information} if rooted else information)
 
 
 def dump_yaml(content: object) -> str:

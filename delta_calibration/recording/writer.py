@@ -192,8 +192,8 @@ class SessionWriter:
             return
         with self._disk():
             self._flush()
-            _, without_root = self._described()
-            self._writer.add_metadata("rosbag2", {"serialized_metadata": without_root})
+            own = self._described(rooted=False)
+            self._writer.add_metadata("rosbag2", {"serialized_metadata": own})
             self._writer.finish()  # type: ignore[no-untyped-call]
             self._stream.flush()
             os.fsync(self._stream.fileno())
@@ -227,15 +227,15 @@ class SessionWriter:
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._pending = 0
 
-    def _described(self) -> tuple[str, str]:
+    def _described(self, *, rooted: bool = True) -> str:
         topics = [
             TopicEntry(t.name, t.type_name, t.type_hash, t.qos, self._counts[t.name])
             for t in self._topics.values()
         ]
-        return metadata_text(self._file, topics, self._span_ns, self._metadata)
+        return metadata_text(self._file, topics, self._span_ns, self._metadata, rooted=rooted)
 
     def _write_metadata(self, *, final: bool = False) -> None:
-        replace_file(self.path / FILE_NAME, self._described()[0], on_disk=final)
+        replace_file(self.path / FILE_NAME, self._described(), on_disk=final)
 
     def _require_there(self) -> None:
         """Make sure that the file that is written is still the one under its name.
