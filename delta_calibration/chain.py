@@ -17,9 +17,9 @@ loads are that some effects take. Without effects q' is q.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -181,26 +181,18 @@ class Chain:
         masses = self.effects[0].robot.masses if self.effects else None
         return self.mechanism.body(masses)
 
-    @cached_property
-    def stages(self) -> Callable[[tuple[str, ...]], Any]:
+    def stages(self, parts: tuple[str, ...]) -> Any:
         """Effects of drives and structure as the compiled chain takes them (model/stand.py).
 
-        By the parts of which temperatures are recorded; made once for all samples.
+        Args:
+            parts: of which temperatures are recorded.
         """
-        return cache(partial(_stages, self.mechanism, self.effects, tuple(self.layout.each)))
+        places = Places.of(self.mechanism, parts)
+        return stages_of(self.effects, tuple(self.layout.each), places)
 
     def point(self, x: Array, offset: Array) -> Array:
         """A point fixed to the platform, in the base, (n, 3) [m]."""
         return self.mechanism.points(x, offset)
-
-
-def _stages(
-    mechanism: Mechanism,
-    effects: tuple[Effect, ...],
-    each: tuple[slice, ...],
-    parts: tuple[str, ...],
-) -> Any:
-    return stages_of(effects, each, Places.of(mechanism, parts))
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:
