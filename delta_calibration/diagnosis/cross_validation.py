@@ -51,8 +51,17 @@ class Gain:
 
 def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
     """Sector of the workspace that each sample lies in, (n,): equal numbers of poses in each."""
+    return _sectors(evidence, np.arange(len(evidence)) < evidence.poses)
+
+
+def sectors_of_motion(evidence: LinearizedModel) -> NDArray[np.int64]:
+    """The same with equal numbers of readings in motion: all may lie in one sector of poses."""
+    return _sectors(evidence, np.arange(len(evidence)) >= evidence.poses)
+
+
+def _sectors(evidence: LinearizedModel, even: NDArray[np.bool_]) -> NDArray[np.int64]:
     bearing = bearings(evidence.chain.mechanism.position(evidence.pose))
-    return _parts(bearing, bearing[: evidence.poses])
+    return _parts(bearing, bearing[even])
 
 
 def bearings(place: Array) -> Array:
@@ -213,6 +222,6 @@ def _share(totals: Array) -> Array:
     return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))
 
 
-def _parts(value: Array, of_poses: Array) -> NDArray[np.int64]:
-    edges = np.quantile(of_poses, np.linspace(0, 1, PARTS + 1)[1:-1])
+def _parts(value: Array, even: Array) -> NDArray[np.int64]:
+    edges = np.quantile(even, np.linspace(0, 1, PARTS + 1)[1:-1])
     return np.searchsorted(edges, value).astype(np.int64)

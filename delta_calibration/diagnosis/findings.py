@@ -37,6 +37,7 @@ from delta_calibration.diagnosis.cross_validation import (
     learnable,
     scattered,
     sectors,
+    sectors_of_motion,
     stretches,
 )
 from delta_calibration.diagnosis.experiments import next_experiment
@@ -122,7 +123,7 @@ class HeldOutModels:
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
-        part = self.scattered if term.unexplained else self.sectors
+        part = self.scattered if term.unexplained else self._sectors_for(evidence, columns)
         parts = [part]
         if not term.unexplained and learnable(evidence, columns, self.stretches):
             parts.append(self.stretches)
@@ -138,6 +139,13 @@ class HeldOutModels:
         signal = float(value @ evidence.information_of(columns) @ value)
         plain = signal >= NAMED and model.misfit <= LACKING
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
+
+    def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
+        """Sectors of the poses; of the motions where one of those has nearly all that tells."""
+        if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors):
+            return self.sectors
+        other = sectors_of_motion(evidence)
+        return other if learnable(evidence, columns, other) else self.sectors
 
     def foretells(
         self,
