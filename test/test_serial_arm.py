@@ -212,4 +212,4 @@ def test_torques_of_inertia_are_those_of_two_rods_in_a_plane(rate, acceleration,
         np.array([payload]),
         np.zeros((1, 3)),
     )
-    assert loads[1][0] == pytest.approx(mass @ acceleration + whirl, rel=1e-4, abs=1e-6)
+    assert loads.inertia[0] == pytest.approx(mass @ acceleration + whirl, rel=1e-4, abs=1e-6)

@@ -200,7 +200,7 @@ def standing(
     found = signals.with_(**{POSE: x, GEOMETRY: g})
     if asked:
         q = found.of(JOINT) if joint is None else joint
-        weight, inertia, load, pull, home, reaction, payload, tightness = mechanism.loads(
+        borne = mechanism.loads(
             robot.masses,
             asked,
             q,
@@ -211,10 +211,10 @@ def standing(
             found.of(PAYLOAD)[:, 0],
             found.of(CENTRE),
         )
-        loads = {GRAVITY: weight, INERTIA: inertia, LOAD: load}
-        loads |= {REACTION: reaction, CARRIED: payload}
+        loads = {GRAVITY: borne.weight, INERTIA: borne.inertia, LOAD: borne.dimension}
+        loads |= {REACTION: borne.reaction, CARRIED: borne.payload}
         if mechanism.pulls:
-            loads |= {PULL: pull, PULL_HOME: home, TIGHTNESS: tightness}
+            loads |= {PULL: borne.pull, PULL_HOME: borne.pull_home, TIGHTNESS: borne.tightness}
         for name, values in loads.items():
             found.of(name)[:] = values
     return found

@@ -19,7 +19,7 @@ from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,9 @@ from delta_calibration.model import symbols
 from delta_calibration.model.chain_constants import SIDES, STRAY
 from delta_calibration.model.law import Law
 from delta_calibration.parameters import ParameterSet
+
+if TYPE_CHECKING:
+    from delta_calibration.model.loads import Loads
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -452,7 +455,7 @@ class Mechanism(ABC):
         acceleration: Array,
         payload: Array,
         centre: Array,
-    ) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
+    ) -> Loads:
         """Forces that the machine carries, see model/loads.py; zeros where not asked for.
 
         Args:
@@ -465,15 +468,10 @@ class Mechanism(ABC):
             acceleration: of the joints [1/s^2], (n, m).
             payload: [kg], (n,).
             centre: of the payload in the platform [m], (n, 3).
-
-        Returns:
-            Torques of weight and of inertia on the joints, (n, m) each, dU/dg (n, p), pulls of
-            the limbs and their pulls at home, (n, R) each, force and moment on the base, (n, 6),
-            the payload's part of these, and of the pulls what a newton of pretension does, (n, R).
         """
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
-        found = _loads().every(
+        found: Loads = _loads().every(
             c.limbs,
             c.size,
             bearing,
@@ -484,8 +482,7 @@ class Mechanism(ABC):
             _rows(payload[:, None], 1, n)[:, 0],
             _rows(centre, 3, n),
         )
-        weight, inertia, load, pull, home, reaction, payload, tightness = found
-        return weight, inertia, load, pull, home, reaction, payload, tightness
+        return found
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
         """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.

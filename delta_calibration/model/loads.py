@@ -544,6 +544,19 @@ def _load(limbs: Limbs, loaded: Index, moving: bool, room: Room, found: Carried)
                     found.load[column] += weight * room.work[limb, from_g + i * count + j]
 
 
+class Loads(NamedTuple):
+    """What a machine carries at n samples; zeros where not asked for."""
+
+    weight: Array  # (n, m) torque or force of the weight on each joint
+    inertia: Array  # (n, m) the same of what it takes to move the masses
+    dimension: Array  # (n, p) dU/dg of the potential of the masses
+    pull: Array  # (n, R) of the limbs
+    pull_home: Array  # (n, R) the same at home
+    reaction: Array  # (n, 6) force and moment on the base
+    payload: Array  # (n, 6) the payload's part of these
+    tightness: Array  # (n, R) of the pulls, by a newton of pretension
+
+
 @compiled()
 def every(
     limbs: Limbs,
@@ -557,7 +570,7 @@ def every(
     acceleration: Array,
     payload: Array,
     centre: Array,
-) -> tuple[Array, Array, Array, Array, Array, Array, Array, Array]:
+) -> Loads:
     """All loads that are asked for, of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
@@ -586,7 +599,7 @@ def every(
         weight[row], inertia[row], load[row] = found.gravity, found.inertia, found.load
         pull[row], home[row], tightness[row] = found.pull, found.pull_home, found.tightness
         reaction[row], of_payload[row] = found.reaction, found.payload
-    return weight, inertia, load, pull, home, reaction, of_payload, tightness
+    return Loads(weight, inertia, load, pull, home, reaction, of_payload, tightness)
 
 
 @compiled()
