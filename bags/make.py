@@ -123,7 +123,16 @@ def table(folder: Path) -> str:
         f"`{BALLBAR}`: circles of a SCARA with play of 0.6 mrad in joint 2, as a telescoping "
         "ballbar measures them."
     )
-    return "\n".join([*rows, "", told, "", f"Made by version {__version__}."])
+    return "\n".join(
+        [
+            *rows,
+            "",
+            told,
+            "",
+            f"Table made by version {__version__}; what a session was made by stands in its "
+            "`metadata.yaml`.",
+        ]
+    )
 
 
 def main(arguments: list[str]) -> None:

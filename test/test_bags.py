@@ -77,7 +77,7 @@ def test_another_session_is_told_apart() -> None:
 
 def test_the_table_is_that_of_the_files() -> None:
     page = (FOLDER / "README.md").read_text(encoding="utf-8")
-    assert table(FOLDER).rpartition("Made by")[0] in page
+    assert table(FOLDER).rpartition("Table made by")[0] in page
     for name in BAGS:
         assert sha256(FOLDER / name) in page
 

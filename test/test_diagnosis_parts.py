@@ -349,6 +349,24 @@ def test_sectors_of_a_line_lie_one_behind_the_other(way: tuple[float, float, flo
     assert abs(np.diff(np.sign(np.diff(bearing)))).sum() == 0
 
 
+def test_motions_in_one_sector_of_the_poses_are_parted_by_their_own() -> None:
+    """And the poses stay as they were: without one part of either there is enough of both."""
+    angle = np.concatenate([np.linspace(-3.1, 3.1, 100), np.linspace(0.1, 0.3, 50)])
+    place = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+
+    class Session(SimpleNamespace):
+        def __len__(self) -> int:
+            return len(self.pose)
+
+    mechanism = SimpleNamespace(position=lambda pose: pose)
+    session = Session(pose=place, poses=100, chain=SimpleNamespace(mechanism=mechanism))
+    by_poses = cross_validation.sectors(session)
+    by_motions = cross_validation.sectors_of_motion(session)
+    assert len(set(by_poses[100:])) == 1
+    np.testing.assert_array_equal(by_motions[:100], by_poses[:100])
+    assert np.bincount(by_motions[100:]).tolist() == [10] * 5
+
+
 def test_sectors_of_a_single_place_are_one() -> None:
     for count in (1, 7):
         bearing = cross_validation.bearings(np.tile([0.1, 0.2, -0.7], (count, 1)))

@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
+from types import ModuleType
 
 import click
 from click.shell_completion import CompletionItem
@@ -45,7 +46,6 @@ VERBS = (
 )
 _MODULES = {"import": "import_table"}  # where a verb is no name in Python
 _INTERRUPTED = 130
-_LEFT = 500_000  # new objects from which garbage is looked for; modules leave half as many
 
 # The matrices here are small: threads of the linear algebra library cost more than they bring.
 for _library in ("OPENBLAS", "MKL", "OMP"):
@@ -64,8 +64,7 @@ class Verbs(click.Group):
         if cmd_name not in VERBS:
             return None
         name = _MODULES.get(cmd_name, cmd_name)
-        module = importlib.import_module(f"delta_calibration.cli.{name}")
-        command = module.command
+        command = _loaded(f"delta_calibration.cli.{name}").command
         return command if isinstance(command, click.Command) else None
 
     def resolve_command(
@@ -85,6 +84,20 @@ class Verbs(click.Group):
         verbs = [verb for verb in VERBS if verb.startswith(incomplete)]
         options = click.Command.shell_complete(self, ctx, incomplete)
         return [*(CompletionItem(verb, help=TOLD[verb].about) for verb in verbs), *options]
+
+
+def _loaded(name: str) -> ModuleType:
+    """A module; while it is loaded nobody looks for garbage, as all that it makes stays."""
+    if name in sys.modules:
+        return sys.modules[name]
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        return importlib.import_module(name)
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
 
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})
@@ -110,7 +123,6 @@ def group() -> None:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the console script; leaves the process."""
-    gc.set_threshold(_LEFT)
     sys.exit(run(arguments))
 
 

@@ -130,7 +130,10 @@ def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
 
 @contextmanager
 def counter(most: int, unit: str) -> Iterator[Callable[[int], object]]:
-    """The same for work that tells of itself how many units it has just done; of none, no bar."""
+    """The same for work that tells of itself how many units it has just done.
+
+    No bar where `most` is 0.
+    """
     if not most:
         yield lambda _: None
         return

@@ -31,7 +31,7 @@ _AT_A_TIME = 4096
 class Motion:
     """Motion of the joints at the n samples of a stream, in the order of time.
 
-    What is not asked for is not computed: poses at rest have no speed.
+    Speeds and strokes are computed when first asked for: poses at rest need no speed.
     """
 
     time: Array  # (n,) [s]

@@ -49,7 +49,9 @@ SHADOW = 0.9  # share of what a map explains that a named cause must explain to 
 SHADOWED = 0.5  # share of a cause's signal that a map makes as well, for it to be in its shadow
 KNOWN = 0.98  # most that a name is sure: of 196 names stated with 0.95 all were of the class
 REMAINS = 0.25  # share of what remains unexplained that a cause must explain at least
-SOME = 0.02  # share of what a cause explains that a map may explain beside it: no model is perfect
+# share of what a cause explains that a map may explain beside it, or in its place: no model is
+# perfect
+SOME = 0.02
 # the same of a map that chance may have made, on machines that others measured as well
 MUCH = 0.1
 IMPERFECT = 2e-3  # share of what a model explains that it may get wrong itself

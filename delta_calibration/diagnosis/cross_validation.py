@@ -55,8 +55,9 @@ def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
 
 
 def sectors_of_motion(evidence: LinearizedModel) -> NDArray[np.int64]:
-    """The same with equal numbers of readings in motion: all may lie in one sector of poses."""
-    return _sectors(evidence, np.arange(len(evidence)) >= evidence.poses)
+    """The same, but of the readings in motion: these may all lie in one sector of the poses."""
+    moving = np.arange(len(evidence)) >= evidence.poses
+    return np.where(moving, _sectors(evidence, moving), sectors(evidence))
 
 
 def _sectors(evidence: LinearizedModel, even: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,11 +142,16 @@ class HeldOutModels:
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
     def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
-        """Sectors of the poses; of the motions where one of those has nearly all that tells."""
+        """Sectors of the poses; of the motions where one holds nearly all of what moves."""
         if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors):
             return self.sectors
-        other = sectors_of_motion(evidence)
+        other = self._of_motion
         return other if learnable(evidence, columns, other) else self.sectors
+
+    @cached_property
+    def _of_motion(self) -> NDArray[np.int64]:
+        """Sectors of the motions, asked for only where there are any."""
+        return sectors_of_motion(self.evidence)
 
     def foretells(
         self,

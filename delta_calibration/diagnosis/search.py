@@ -302,8 +302,8 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
-    second name. A wrong name is worse than none. One that does all but a little of what the map
-    does, which is free to follow anything else, need only be as likely. What a map pays beyond its
+    second name. A wrong name is worse than none. Names that explain all but a fiftieth of what
+    the map does need only be as likely as it: no model is perfect. What a map pays beyond its
     parameters (`shadow`) decides what is tried first, not what is true.
     """
     terms, maps = model.terms, [s for s in short if s.candidate.unexplained]
@@ -314,7 +314,8 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
         return terms
     scores = [*(as_score(m, short) for m in terms), *help_, *maps]
     together, helped = JointFit.of(model.evidence, scores), len(terms) + len(help_)
-    (explained, best), instead = together.fit(range(helped)), terms
+    explained, names = together.fit(range(helped))
+    best, instead = -np.inf, terms
     for group in groups:
         others = [j for j in range(len(terms)) if j not in group]
         nearly_all = explained + SOME * (explained - together.fit(others)[0])
@@ -323,9 +324,9 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
             if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):
                 continue
             gain, log_b = together.fit((*others, k))
-            worth = log_b + (PLAIN if gain > nearly_all else 0.0)
-            if worth > best:
-                best, instead = worth, chosen
+            likelier = log_b + (PLAIN if gain > nearly_all else 0.0) > names
+            if likelier and log_b > best:
+                best, instead = log_b, chosen
     return instead
 
 

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def solved(matrix: Array, right: Array) -> Array:
-    """Solution (k,) of what is positive definite but for rounding; half the work of LU.
+    """Solution (k,) or (k, j) of what is positive definite but for rounding; half the work of LU.
 
     Raises:
         LinAlgError: the matrix is singular.

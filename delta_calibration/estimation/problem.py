@@ -35,6 +35,7 @@ from delta_calibration.threads import one_thread
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
 
 _FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
 _STEPS = 60
@@ -59,7 +60,7 @@ class Linearized:
     pose: Array  # (n, k) of the platform
     residual: Array  # (n, d) whitened: measured less predicted
     rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
-    numbers: Array  # (n,) how many of the d each sample has
+    numbers: Index  # (n,) how many of the d each sample has
 
     @property
     def slope(self) -> Array:
@@ -341,8 +342,9 @@ def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
 def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
     """The likeliest with the reflector where the file has it, or a standard deviation from there.
 
-    In each of seven places all else is settled, from where it follows to. A platform that hardly
-    tilts tells of an offset little more than its size: there is another floor on the other side.
+    In each of seven places all else begins where the equations at hand take it, and is settled
+    roughly: the best is searched again. A platform that hardly tilts tells of an offset little
+    more than its size: there is another floor on the other side.
     """
     rest, offset = ~problem.offset_rows(), problem.offset_rows()
     normal, ends = now.equations[0] + _DAMPING * np.eye(len(now.z)), []
@@ -352,6 +354,8 @@ def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float)
         begin[offset] = place
         begin[rest] += follows @ (place - now.z[offset])
         begun = _state(problem, begin, loss, now.at.pose)
+        if not np.isfinite(begun.cost):  # taken beyond reach
+            begun = _state(problem, np.where(rest, now.z, begin), loss, now.at.pose)
         ends.append(_settle(problem, begun, rest, loss, max(settled, _ROUGHLY)))
     best = min(ends, key=lambda end: end.cost)
     return replace(best, evaluations=sum(end.evaluations for end in ends))
@@ -381,10 +385,11 @@ def spread_of(residual: Array) -> float:
     return _bend(residual, residual.shape[1]) / _HUBER
 
 
-def _bend(residual: Array, numbers: Array | int) -> float:
+def _bend(residual: Array, numbers: Index | int) -> float:
     """Whitened distance from which samples (n, d) of so many numbers count linearly."""
-    of_width = np.sqrt(2 * gammaincinv(np.arange(residual.shape[1] + 1) / 2, 0.5))  # of chi's
-    typical = float(np.median(np.linalg.norm(residual, axis=1) / of_width[numbers]))
+    widths = np.arange(residual.shape[1] + 1)
+    median = np.sqrt(2 * gammaincinv(widths / 2, 0.5))  # of chi's distribution
+    typical = float(np.median(np.linalg.norm(residual, axis=1) / median[numbers]))
     return _HUBER * max(1.0, typical)
 
 

@@ -55,7 +55,9 @@ class LinearDeltaTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
     radius: float = tolerance(about="radius of a tower")
-    angle: float = tolerance("mrad", about="direction of a tower about z")
+    angle: float = tolerance(
+        "mrad", about="direction of a tower about z; what its radius adds is added"
+    )
     endstop: float = tolerance(about="height of an endstop")
     arm: float = tolerance(about="length of a rod")
 
@@ -134,8 +136,9 @@ class LinearDelta(Mechanism):
     def _towers(self) -> Iterator[Parameter]:
         d, t = self.dimensions, self.tolerances
         endstop = d.height + float(np.sqrt(d.arm**2 - d.radius**2))
-        # Unequal radii move the middle of the circle by (2/3) sum of r_i e_i, and two of the three
-        # combinations of directions by as much: their variances add.
+        # Of towers all round, unequal radii move the middle of the circle by (2/3) sum of r_i e_i,
+        # and two of the three combinations of directions by as much over the radius: their
+        # variances add. The radius itself, known by three, is left as wide as that of one.
         aside = float(np.hypot(t.angle, t.radius / d.radius))
         for i, about_z in enumerate(d.angles.tolist(), 1):
             where = f"joint_{i}"

@@ -549,11 +549,11 @@ class Loads(NamedTuple):
 
     weight: Array  # (n, m) torque or force of the weight on each joint
     inertia: Array  # (n, m) the same of what it takes to move the masses
-    dimension: Array  # (n, p) dU/dg of the potential of the masses
-    pull: Array  # (n, R) of the limbs
-    pull_home: Array  # (n, R) the same at home
-    reaction: Array  # (n, 6) force and moment on the base
-    payload: Array  # (n, 6) the payload's part of these
+    dimension: Array  # (n, p) dU/dg of weight and inertia
+    pull: Array  # (n, R) of the limbs [N]
+    pull_home: Array  # (n, R) the same at home [N]
+    reaction: Array  # (n, 6) force [N] and moment [N m] on the base
+    payload: Array  # (n, 6) the payload's part of `reaction`
     tightness: Array  # (n, R) of the pulls, by a newton of pretension
 
 
