@@ -87,7 +87,7 @@ class Verbs(click.Group):
 
 
 def _loaded(name: str) -> ModuleType:
-    """A module; while it is loaded nobody looks for garbage, as all that it makes stays."""
+    """Import a module with the garbage collector off: all that an import makes stays."""
     if name in sys.modules:
         return sys.modules[name]
     collects = gc.isenabled()

@@ -66,7 +66,7 @@ class Motion:
         return self.velocity[near], self.acceleration[near], *self.sides(time)
 
     def sides(self, time: Array) -> tuple[Array, Array]:
-        """Direction and travel at other times, each (k, m)."""
+        """Direction and travel of the joints at other times, each (k, m)."""
         last = self._last(time)
         return self.direction[last], self.travel[last]
 

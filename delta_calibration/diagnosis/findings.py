@@ -142,7 +142,7 @@ class HeldOutModels:
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
     def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
-        """Sectors of the poses; of the motions where one holds nearly all of what moves."""
+        """Sectors of the poses, or of the motions where one of those holds nearly all of them."""
         if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors):
             return self.sectors
         other = self._of_motion

@@ -302,8 +302,8 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
 
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
-    second name. A wrong name is worse than none. Names that explain all but a fiftieth of what
-    the map does need only be as likely as it: no model is perfect. What a map pays beyond its
+    second name. A wrong name is worse than none. Names that explain nearly all that the map does
+    (`SOME`) need only be as likely as it: no model is perfect. What a map pays beyond its
     parameters (`shadow`) decides what is tried first, not what is true.
     """
     terms, maps = model.terms, [s for s in short if s.candidate.unexplained]

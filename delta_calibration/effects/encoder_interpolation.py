@@ -73,7 +73,7 @@ class EncoderInterpolation(HarmonicEffect):
 
     @property
     def orders(self) -> tuple[float, ...]:
-        """Once and twice a period."""
+        """Orders of the waves: once and twice a period of the encoder's lines."""
         lines = self.robot.joints.encoder_lines
         return tuple((order + 1) * lines for order in range(_ORDERS))
 

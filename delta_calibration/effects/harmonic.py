@@ -27,7 +27,7 @@ class HarmonicEffect(Effect):
     @property
     @abstractmethod
     def orders(self) -> tuple[float, ...]:
-        """n of each wave: how many a turn of the joint has [1/rad, 1/m]."""
+        """Angular frequency n of each wave by the joint's coordinate [1/rad or 1/m]."""
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -264,7 +264,10 @@ def _likeliest(
 
 
 def _apart(fixed: Array, growing: Array) -> tuple[Array, Array]:
-    """T (n, 3, 3) with T F T^T = 1 and T G T^T diagonal, and that diagonal (n, 3)."""
+    """The common axes of two covariances F and G of each sample, both (n, 3, 3).
+
+    T (n, 3, 3) with T F T^T = 1 and T G T^T diagonal, and that diagonal (n, 3).
+    """
     white = whitening(fixed)
     growth, way = np.linalg.eigh(white @ growing @ white.transpose(0, 2, 1))
     return way.transpose(0, 2, 1) @ white, growth

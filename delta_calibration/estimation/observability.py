@@ -60,7 +60,7 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
         names: (P,).
     """
     scaled = jacobian.reshape(-1, jacobian.shape[-1]) * scale
-    # columns turned: as long, and as far from each other
+    # its columns have the lengths and the angles of those of the Jacobian, in fewer rows
     matrix = np.asarray(np.linalg.qr(scaled, mode="r"))
     norms = np.linalg.norm(matrix, axis=0)
     shows = norms > _ZERO * norms.max()  # the rest is rounding, which no scale may make a column

@@ -67,8 +67,8 @@ TERMS: tuple[tuple[str, str], ...] = (
             "on a line, along it). It is larger than the error left, because the model has to "
             "predict a region it has not seen. For a single cause: with and without that cause, "
             "with all others in the model; from readings in motion if the cause only shows in "
-            "motion, and by sectors of the motions where one of the poses has nearly all of "
-            "them; for a smooth map, cells are held out instead of sectors."
+            "motion, and by sectors of the motions where one sector of the poses holds nearly "
+            "all of these; for a smooth map, cells are held out instead of sectors."
         ),
     ),
     (
