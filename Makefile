@@ -9,6 +9,10 @@ EXTRAS ?= ros,report,notebook,history,fleet,serve,docs,test,study,physics,laws,d
 VENV := .venv
 PY := $(VENV)/bin/python
 STAMP := $(VENV)/.installed
+WARM := $(VENV)/.warm
+# What holds compiled code, or is a part of some: after an update it is compiled anew before a node needs it.
+COMPILED := $(shell find delta_calibration/model delta_calibration/mechanisms delta_calibration/effects \
+    delta_calibration/estimation delta_calibration/compensation delta_calibration/cell -name '*.py')
 LOG := $(VENV)/install.log
 # The tables of docs/performance.md, in its order; searches of the swarm that `make study` counts failures of.
 BENCHMARKS ?= run commands export_c compensation table table_choices diagnosis node_rate
@@ -30,7 +34,7 @@ help: ## list the targets
 	@sed -nE 's/^([a-z]+):.*## (.*)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
 	    || sed -nE 's/^([a-z]+):.*## (.*)/  make \1  \2/p' $(MAKEFILE_LIST)
 
-install: $(STAMP) ## make .venv with the package, ROS, and all that tests and checks need
+install: $(WARM) ## make .venv with the package, ROS, and all that tests and checks need
 
 $(STAMP): setup.cfg setup.py pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' \
@@ -48,6 +52,9 @@ $(STAMP): setup.cfg setup.py pyproject.toml
 	@echo "Installing into $(VENV), a minute or two (log: $(LOG))"
 	@$(PY) -m pip install --disable-pip-version-check --no-input -e '.[$(EXTRAS)]' >$(LOG) 2>&1 \
 	    || { grep -v '^WARNING' $(LOG) | tail -n 20 >&2; exit 1; }
+	@touch $@
+
+$(WARM): $(STAMP) $(COMPILED)
 	@$(PY) -m delta_calibration.cli.warm
 	@touch $@
 
