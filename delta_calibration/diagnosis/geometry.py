@@ -26,12 +26,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import lambertw
-from scipy.stats import chi2, t
 
 from delta_calibration.diagnosis.candidates import Candidate, dimensions
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION
+from delta_calibration.diagnosis.tails import log_chi2, log_t
 from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
@@ -115,7 +115,7 @@ def _log_p_of_size(ratio: float, each: Array) -> float:
     """
     degrees = each.sum() ** 2 / (each @ each)
     size = -lambertw(-np.exp(-1.0 - max(ratio, 0.0) / degrees), -1).real
-    return float(chi2.logsf(degrees * size, degrees))
+    return float(log_chi2(degrees * size, degrees))
 
 
 def _log_p_of_one(ratio: float, degrees: float) -> float:
@@ -124,7 +124,7 @@ def _log_p_of_one(ratio: float, degrees: float) -> float:
     Of n others, ratio = (n + 1) ln(1 + t^2 / n).
     """
     square = degrees * np.expm1(np.clip(ratio / (degrees + 1), 0.0, _MOST))
-    return float(np.log(2) + t.logsf(np.sqrt(square), degrees))
+    return float(np.log(2) + log_t(np.sqrt(square), degrees))
 
 
 def displaced(evidence: LinearizedModel) -> float:
@@ -135,7 +135,7 @@ def displaced(evidence: LinearizedModel) -> float:
     values, axes = np.linalg.eigh(spread)
     seen = values > _SEEN
     square = float(np.sum((axes[:, seen].T @ z) ** 2 / values[seen]))
-    return float(chi2.logsf(square, max(int(seen.sum()), 1)))
+    return float(log_chi2(square, max(int(seen.sum()), 1)))
 
 
 def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:

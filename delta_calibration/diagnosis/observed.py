@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import gammaincinv
 
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.constants import GROSS
@@ -199,5 +199,6 @@ class Observed(Fitted):
 def _gross(evidence: LinearizedModel) -> Array:
     """1 for samples that lie out of the common, (N,)."""
     size = np.linalg.norm(evidence.left(), axis=1)
-    usual = float(np.median(size) / np.sqrt(chi2.ppf(0.5, evidence.coordinates)))
+    typical = np.sqrt(2 * gammaincinv(evidence.coordinates / 2, 0.5))  # median of chi
+    usual = float(np.median(size) / typical)
     return np.asarray((size > GROSS * max(usual, 1.0)).astype(float))

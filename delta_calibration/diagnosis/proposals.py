@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
-from scipy.stats import qmc
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.predicted_information import Samples
 from delta_calibration.diagnosis.shared_path_error import AT_REST
 from delta_calibration.effects.unexplained import spread_out
+from delta_calibration.geometry.halton import halton
 from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
@@ -124,9 +124,8 @@ def _payload(session: Session) -> Experiment:
 
 def _farther(session: Session) -> Experiment | None:
     """Usable places, each the farthest from those measured and those before it."""
-    box = session.lower + qmc.Halton(len(session.lower), scramble=False).random(_DRAWN) * (
-        session.upper - session.lower
-    )
+    share = halton(_DRAWN, len(session.lower))
+    box = session.lower + share * (session.upper - session.lower)
     box = box[session.usable(box)]
     if not len(box):
         return None

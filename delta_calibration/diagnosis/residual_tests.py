@@ -23,12 +23,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from scipy.stats import chi2, kurtosis, norm, pearson3, skew
+from scipy.special import chdtrc
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
+from delta_calibration.diagnosis.tails import moments, pearson3
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -139,7 +140,7 @@ def _probabilities(
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
     usual = (1 + SLIGHT**2) * squares.mean()
-    p = {LACK_OF_FIT: float(chi2.sf(square * degrees / usual, degrees))}
+    p = {LACK_OF_FIT: float(chdtrc(degrees, square * degrees / usual))}
     for one, drawn in zip(asked, chance, strict=True):
         if one.name != MOTION or one.near[1].any():
             p[one.name] = _alike(left[one.rows], one, drawn)
@@ -180,8 +181,8 @@ def _beyond(own: float, drawn: Array, allowed: float) -> float:
     if drawn.std() == 0:
         return 1.0
     far = (own - allowed - drawn.mean()) / drawn.std()
-    skewed = float(skew(drawn))
-    return float(pearson3.sf(far, skewed)) + _of_tails(far, float(kurtosis(drawn)), skewed)
+    skewed, heavy = moments(drawn)
+    return pearson3(far, skewed) + _of_tails(far, heavy, skewed)
 
 
 def _of_tails(far: float, heavy: float, skewed: float) -> float:
@@ -191,7 +192,8 @@ def _of_tails(far: float, heavy: float, skewed: float) -> float:
     0.2.
     """
     more = max(0.0, heavy - 1.5 * skewed**2)
-    return float(norm.pdf(far) * max(0.0, far**3 - 3 * far) * more / 24)
+    density = np.exp(-(far**2) / 2.0) / np.sqrt(2 * np.pi)
+    return float(density * max(0.0, far**3 - 3 * far) * more / 24)
 
 
 def _along(path: Index) -> Near:

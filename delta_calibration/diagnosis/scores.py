@@ -30,8 +30,6 @@ from math import log, pi
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotrf
-from scipy.special import chdtrc, fdtrc  # of one number scipy.stats asks much first
-from scipy.stats import chi2, f
 
 from delta_calibration.diagnosis.candidates import (
     Candidate,
@@ -42,6 +40,7 @@ from delta_calibration.diagnosis.candidates import (
 from delta_calibration.diagnosis.constants import DECADES, EULER
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.shapes import Shapes
+from delta_calibration.diagnosis.tails import log_chi2, log_f
 from delta_calibration.effects import SPREAD
 from delta_calibration.estimation.positive import solved
 
@@ -260,10 +259,8 @@ def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
     where it is known.
     """
     if not np.isfinite(noise_degrees):
-        p = chdtrc(k, gain)
-        return float(np.log(p)) if p > 0 else float(chi2.logsf(gain, k))
-    p = fdtrc(k, noise_degrees, gain / k)
-    return float(np.log(p)) if p > 0 else float(f.logsf(gain / k, k, noise_degrees))
+        return float(log_chi2(gain, k))
+    return log_f(gain / k, k, noise_degrees)
 
 
 def decrease(information: Array, b: Array, value: Array) -> float:
@@ -351,4 +348,4 @@ def _tries(largest: Array, k: int) -> float:
         largest: D over all shapes in each draw of chance, (draws,).
         k: parameters of a shape.
     """
-    return float(max(1.0, np.exp(np.mean(-chi2.logsf(largest, k)) - EULER)))
+    return float(max(1.0, np.exp(np.mean(-log_chi2(largest, k)) - EULER)))

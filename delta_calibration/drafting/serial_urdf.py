@@ -21,7 +21,6 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import qmc
 
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
@@ -446,6 +445,8 @@ def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:
 
 def _with_home(document: dict[str, Any]) -> dict[str, Any]:
     """The same with home and workspace where the arm moves well to all sides."""
+    from scipy.stats import qmc  # takes long to load, and `robot check` reads no URDF
+
     arm = _arm(document)
     low, high = (np.array(document["joints"][key]) for key in ("lower_deg", "upper_deg"))
     low = np.maximum(np.radians(low), -_WIDEST)

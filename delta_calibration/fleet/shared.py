@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import betabinom
+from scipy.special import betaln  # scipy.stats takes long to import
 
 from delta_calibration.fleet.standing import Standing
 from delta_calibration.wording import spoken
@@ -102,8 +102,14 @@ def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
     alike = float(np.clip(alike, 1.0 / (machines * len(others)), 0.5))
     size = (1 - alike) / alike
     as_many = np.arange(counts[number], machines + 1)
-    tail = np.exp(betabinom.logpmf(as_many, machines, rate * size, (1 - rate) * size)).sum()
+    tail = np.exp(_log_beta_binomial(as_many, machines, rate * size, (1 - rate) * size)).sum()
     return float(rate * machines), float(min(tail, 1.0))
+
+
+def _log_beta_binomial(k: Array, n: int, a: float, b: float) -> Array:
+    """ln of the probability of k of n, each as likely as a draw of Beta(a, b) says."""
+    ways = -np.log(n + 1) - betaln(n - k + 1, k + 1)
+    return np.asarray(ways + betaln(k + a, n - k + b) - betaln(a, b))
 
 
 def _of_kind(kind: _Kind, machines: int, tried: int, word: str) -> list[Shared]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import Carried
@@ -139,7 +139,7 @@ def _next(walk: Walk, new: Dated | None) -> tuple[State, float]:
         return walk.later(usual), 1.0
     state = walk.expected[-1]
     square, degrees = state.surprise(walk.parts[-1])
-    if chi2.sf(square, degrees) > _ODD:
+    if chdtrc(degrees, square) > _ODD:
         return state, 1.0
     odd = square / degrees
     return State(state.value, odd * state.covariance), odd

@@ -6,7 +6,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from delta_calibration.errors import InputError
 from delta_calibration.plans.points import tool_points, usable
@@ -70,6 +69,8 @@ def _places(robot: Robot) -> Array:
 
     Cables do not meet at lengths that are drawn each by itself: points about one where they do.
     """
+    from scipy.stats import qmc  # takes long to load, and `robot check` draws no box
+
     joints = robot.joints
     share = qmc.Sobol(len(joints.names), scramble=False).random_base2(_DRAWS)
     point = tool_points(robot, joints.lower + share * (joints.upper - joints.lower))

@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import at_rest
@@ -36,6 +35,7 @@ from delta_calibration.estimation import (
 )
 from delta_calibration.estimation.observability import observe
 from delta_calibration.geometry import Frame
+from delta_calibration.geometry.halton import halton
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH, Plan
 from delta_calibration.plans.points import joints_toward, tool_frames, tool_points, usable
@@ -233,9 +233,9 @@ def _in_joints(
     """The same of joints all over their ranges, in the assembly mode of home."""
     room = 2 * APPROACH * robot.commanded.joint_size
     lower, upper = robot.joints.lower + room, robot.joints.upper - room
-    draws, shift = qmc.Halton(len(lower), scramble=False), rng.random(len(lower))
-    for _ in range(_DRAWS):
-        share = np.mod(draws.random(count) + shift, 1.0)
+    shift = rng.random(len(lower))
+    for begin in range(0, _DRAWS * count, count):
+        share = np.mod(halton(count, len(lower), begin) + shift, 1.0)
         joint = lower + (upper - lower) * share
         yield tool_frames(robot, joint[_in_mode(robot.commanded, joint)])
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from delta_calibration.data import at_rest
 from delta_calibration.effects.loads import weight_known
 from delta_calibration.errors import InputError, ReachError
+from delta_calibration.geometry.halton import halton
 from delta_calibration.iso9283 import Cube
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.motion import APPROACH
@@ -167,8 +167,8 @@ def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Gene
     """
     wanted, widest = count or PLACES, radius * np.sqrt(2)
     ring = _rim(robot, 1.03 * widest)[:wanted]
-    # Shifted as a whole, so that the seed decides and every version of scipy draws the same.
-    draws = np.mod(qmc.Halton(3, scramble=False).random(10 * wanted) + rng.random(3), 1.0)
+    # Shifted as a whole, so that the seed decides.
+    draws = np.mod(halton(10 * wanted, 3) + rng.random(3), 1.0)
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
     height = PLANE + LOW + (HIGH - LOW) * draws[:, 2]
     points = np.stack([r * np.cos(angle), r * np.sin(angle), height], axis=1)

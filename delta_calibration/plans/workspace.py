@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from delta_calibration.errors import InputError
+from delta_calibration.geometry.halton import halton
 from delta_calibration.iso9283 import Cube
 from delta_calibration.plans.motion import MotionPath
 from delta_calibration.plans.points import (
@@ -72,9 +72,9 @@ def spread(
 
 def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
     """Places evenly over the box and the turns that it allows, 2 (count, 3) at a time."""
-    draws, shift = qmc.Halton(6, scramble=False), rng.random(6)
-    for _ in range(_DRAWS):
-        share = np.mod(draws.random(count) + shift, 1.0) - 0.5
+    shift = rng.random(6)
+    for begin in range(0, _DRAWS * count, count):
+        share = np.mod(halton(count, 6, begin) + shift, 1.0) - 0.5
         yield box.centre + share[:, :3] * box.size, 2 * share[:, 3:] * box.turn
 
 

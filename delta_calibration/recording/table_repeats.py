@@ -13,8 +13,7 @@ from decimal import Decimal, InvalidOperation
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import erf
-from scipy.stats import binom
+from scipy.special import bdtrc, erf
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.table_mapping import Column, TableMapping
@@ -117,7 +116,7 @@ def _by_chance(
     of_copies = np.array([*Counter(first).values()]) + 1
     tries, equal = (int(np.sum(n * (n - 1) // 2)) for n in (of_each, of_copies))
     alike = float(np.prod([_alike(_step(said, c), sigma) for c in mapping.position]))
-    return bool(binom.sf(equal - 1, tries, alike) > _CHANCE)
+    return bool(bdtrc(equal - 1, tries, alike) > _CHANCE)
 
 
 def _step(rows: Sequence[Row], column: Column) -> float:

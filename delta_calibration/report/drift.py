@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import align
+from delta_calibration.geometry.halton import halton
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.report.document import Report, Section, Statement, Table
 from delta_calibration.report.drawing import (
@@ -175,7 +175,7 @@ def _drawn(mechanism: Mechanism, a: Calibration, low: Array, high: Array) -> Arr
         places = a.region.sample(_DRAWS, 0.0, rng)
         turns = rng.uniform(-box.turn, box.turn, places.shape)
         return mechanism.inverse(mechanism.task(places, turns), nominal)
-    joint = low + qmc.Halton(len(low), scramble=False).random(_DRAWS) * (high - low)
+    joint = low + halton(_DRAWS, len(low)) * (high - low)
     if mechanism.joints == mechanism.task_size:
         return np.asarray(joint)
     nearest = mechanism.forward(joint, nominal)[:, : mechanism.task_size]
