@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt
 
 from delta_calibration.compensation.base import (
     REACHED,
@@ -114,6 +113,8 @@ def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Tabl
 
     A node without an answer, somewhere beyond the region, takes that of the nearest that has one.
     """
+    from scipy.ndimage import distance_transform_edt  # slow to load
+
     lowest, highest = task.asked.min(axis=0), task.asked.max(axis=0)
     pad = _PAD * (highest - lowest)
     lower, upper = lowest - pad, highest + pad

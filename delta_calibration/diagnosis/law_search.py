@@ -19,7 +19,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.special import expit
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
@@ -235,6 +234,8 @@ def _best_shape(
     screen: Screen, parts: tuple[FoundLaw, ...], i: int, now: Case
 ) -> tuple[tuple[FoundLaw, ...], Case]:
     """The parts with the best shape of one of them."""
+    from scipy.optimize import minimize  # slow to load
+
     names = [name for name, _, _ in parts[i].searched]
     if not names:
         return parts, now

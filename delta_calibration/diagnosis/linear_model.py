@@ -22,7 +22,6 @@ from functools import cached_property, reduce
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
-from scipy.ndimage import median_filter
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions, Paths, Survey
@@ -594,6 +593,8 @@ def _believed(whiten: Array, missed: Array, paths: Paths, turning_travel: float)
     the path says nothing of either side and is left out as well: less than `turning_travel` of
     the joints' unit after the turn.
     """
+    from scipy.ndimage import median_filter  # slow to load, and not needed at rest
+
     path, at = paths.path, paths.conditions
     turning = ((at.velocity != 0) & (at.travel < turning_travel)).any(axis=1)
     whitened = (whiten @ missed[..., None])[..., 0]

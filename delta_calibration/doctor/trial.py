@@ -13,7 +13,6 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from delta_calibration.data import Session, TrackerStream
 from delta_calibration.doctor import hypotheses, moves, robot_file
@@ -218,6 +217,8 @@ class Trial:
 
     def _offset(self, which: tuple[int, ...], change: Callable[[float], Change]) -> Change:
         """The best offset of some joints, of the changes that each offset is."""
+        from scipy.optimize import minimize_scalar  # slow to load
+
         robot = self.robot
         values, _ = joints_and_points(self.few)
         several = robot.joints.unit != "rad" or robot.model().pulls

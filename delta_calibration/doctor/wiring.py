@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from delta_calibration.data import Session
 from delta_calibration.doctor.change import COMMAND, STATES, Change, joints_of
@@ -74,6 +73,8 @@ def _agree(command: Array, states: Array, size: float) -> bool:
 
 
 def _related(recorded: Array, true: Array) -> Relation:
+    from scipy.optimize import linear_sum_assignment  # slow to load
+
     m = true.shape[1]
     slope, shift, misfit, scatter = (np.zeros((m, m)) for _ in range(4))
     span = np.maximum(np.ptp(true, axis=0), 1e-12)

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from delta_calibration.data import Poses
 from delta_calibration.estimation.positive import solved
@@ -231,6 +230,8 @@ def _likeliest(
         growing: G of each pose, (n, 3, 3).
         bounds: between which s is searched.
     """
+    from scipy.optimize import minimize_scalar  # slow to load
+
     several = np.bincount(visits.place)[visits.place] > 1
     _, place = np.unique(visits.place[several], return_inverse=True)
     order = np.argsort(place, kind="stable")

@@ -29,7 +29,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 Array = NDArray[np.float64]
 
@@ -209,6 +208,8 @@ class Walk:
 
     def learnt(self) -> Walk:
         """The same with the most likely speeds."""
+        from scipy.optimize import minimize  # slow to load
+
         classes, usual = self.classes, np.log(_USUAL)
         known = dict(self.speed)
 

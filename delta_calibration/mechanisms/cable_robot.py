@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from delta_calibration.errors import ReachError
 from delta_calibration.mechanisms.base import Limb, Mechanism
@@ -150,6 +149,8 @@ class CableRobot(Mechanism):
         bad = np.flatnonzero(~self.borne(x, g, load))
         if not bad.size:
             return
+        from scipy.optimize import nnls  # slow to load, and rarely needed
+
         row = slice(bad[0], bad[0] + 1)
         structure = self.closure_by_pose(self._still(x[row]), x[row], g)[0].T
         missed = nnls(structure, -load[bad[0]])[1]  # [N, N m]
