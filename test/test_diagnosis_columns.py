@@ -96,7 +96,7 @@ def test_evidence_that_was_let_go_comes_back() -> None:
     fit = fit_of("five_axis")
     before = fit.evidence
     fit.forget()
-    assert "evidence" not in vars(fit)
+    assert "evidence" not in fit.memo
     np.testing.assert_allclose(fit.evidence.residual, before.residual, atol=1e-9)
     np.testing.assert_allclose(fit.evidence.by_joints, before.by_joints, atol=1e-9)
 
@@ -191,7 +191,7 @@ def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
     assert len(known.standing) == len(known)
     for effect, columns in zip(moving, before, strict=True):
         np.testing.assert_array_equal(known.columns(effect), columns)
-    assert "_as_recorded" not in vars(known)
+    assert "recorded" not in known.memo
 
 
 def test_shapes_by_functions_and_on_a_grid_are_those_of_their_columns() -> None:

@@ -27,6 +27,7 @@ from delta_calibration.diagnosis.candidates import (
 )
 from delta_calibration.diagnosis.constants import NEARLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.scores import PRECISION, free_decrease
 from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -48,6 +49,7 @@ class Fitted(ABC):
     problem: Problem  # its chain without effects
     theta: Array  # (P,) of the chain with the terms' effects
     terms: tuple[Candidate, ...]
+    memo: Memo
 
     @property
     def bare(self) -> Chain:
@@ -85,9 +87,13 @@ class Fitted(ABC):
         return None
 
     @property
-    @abstractmethod
     def evidence(self) -> LinearizedModel:
         """What is left to explain, as if the terms were not in the model."""
+        return self.memo.of("evidence", self.gathered)
+
+    @abstractmethod
+    def gathered(self) -> LinearizedModel:
+        """The evidence, of all that was measured."""
 
     @property
     @abstractmethod
@@ -164,13 +170,12 @@ class Fitted(ABC):
 
     def forget(self) -> None:
         """Let go of its evidence, as large as the session; it is gathered anew when asked for."""
-        for name in ("evidence", "beside"):
-            vars(self).pop(name, None)
+        self.memo.forget("evidence", "beside")
 
-    @cached_property
+    @property
     def beside(self) -> LinearizedModel:
         """What is left to explain beside the terms."""
-        return beside(self.evidence, self.terms)
+        return self.memo.of("beside", lambda: beside(self.evidence, self.terms))
 
     @property
     def misfit(self) -> float:

@@ -16,7 +16,7 @@ which is what is left of a and b once all that the nuisance can explain is proje
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 
 import numpy as np
@@ -28,6 +28,7 @@ from delta_calibration.data import Conditions, Paths, Survey
 from delta_calibration.data import joined as all_of
 from delta_calibration.diagnosis.columns import Columns, Plain, Product, joined
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
+from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.signals import Signals, all_asked, recorded, standing
@@ -51,6 +52,7 @@ Index = NDArray[np.int64]
 _AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of chance: in memory together
 _AROUND = 9  # readings, about each on a path
 _TURNING = 2e-3  # [rad of a Delta] of travel after a turn
+_INNER, _RECORDED, _STANDING = "inner", "recorded", "standing"  # in the memo
 _SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
 
 
@@ -98,6 +100,7 @@ class LinearizedModel:
     stood: tuple[Array, Array] | None = None
     # what else could be measured, in words, and its evidence; None where that is to be foreseen
     further: tuple[tuple[str, LinearizedModel], ...] | None = None
+    memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def __len__(self) -> int:
         return len(self.at)
@@ -137,10 +140,10 @@ class LinearizedModel:
         """What of the nuisance looks like rest errors, (r, A)."""
         return self.rest.seen_of(self.possible)
 
-    @cached_property
+    @property
     def _inner(self) -> Array:
         """A^T A, (A, A)."""
-        return self.possible.inner()
+        return self.memo.of(_INNER, self.possible.inner)
 
     @cached_property
     def normal(self) -> Array:
@@ -200,7 +203,7 @@ class LinearizedModel:
         """The evidence of all samples but some, whose part is taken from what all sum up to."""
         others = self.take(np.delete(np.arange(len(self)), rows))
         own = self.possible.part(rows, self.coordinates)
-        vars(others)["_inner"] = self._inner - own.inner()
+        others.memo.of(_INNER, lambda: self._inner - own.inner())
         return others
 
     def beside(self, columns: Columns, precision: Array) -> LinearizedModel:
@@ -322,12 +325,9 @@ class LinearizedModel:
     @property
     def _recorded(self) -> Signals:
         """As recorded: those of the machine as it stands hold it, once they are known."""
-        known = vars(self).get("standing") if self._stands else None
-        return self._as_recorded if known is None else known
-
-    @cached_property
-    def _as_recorded(self) -> Signals:
-        return recorded(self.chain.mechanism, self.at)
+        if self._stands and _STANDING in self.memo:
+            return self.standing
+        return self.memo.of(_RECORDED, lambda: recorded(self.chain.mechanism, self.at))
 
     @property
     def _stands(self) -> bool:
@@ -338,14 +338,17 @@ class LinearizedModel:
     def _read(self) -> Signals:
         return recorded(self.chain.mechanism, self.seen)
 
-    @cached_property
+    @property
     def standing(self) -> Signals:
         """Signals of the machine as it stands, all its loads among them."""
+        return self.memo.of(_STANDING, self._standing)
+
+    def _standing(self) -> Signals:
         if self.stood is None or self.robot is None:
             return self.chain.signals(self.at, self.theta, self.pose, self.robot)
         (joint, geometry), mechanism = self.stood, self.chain.mechanism
-        asked, known = all_asked(mechanism), self._as_recorded
-        vars(self).pop("_as_recorded", None)  # as large as the session, and all of it is in these
+        asked, known = all_asked(mechanism), self._recorded
+        self.memo.forget(_RECORDED)  # as large as the session, and all of it is in these
         return standing(known, self.robot, mechanism, self.pose, geometry, asked, joint)
 
     @property

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from delta_calibration.diagnosis.candidates import Candidate, products_of, typic
 from delta_calibration.diagnosis.constants import FAIR, LACKING, OTHER_FLOOR, QUIETER, STRAYED
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
+from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.estimation import (
     Population,
@@ -46,10 +46,10 @@ class Model(Fitted):
     terms: tuple[Candidate, ...] = ()
     near: Array | None = None  # (n, k) poses of the platform, nearly
     seen: LinearizedModel | None = None  # the evidence, where it is known beforehand
+    memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
-    @cached_property
-    def evidence(self) -> LinearizedModel:
-        """What is left to explain, as if the terms were not in the model."""
+    def gathered(self) -> LinearizedModel:
+        """The evidence, of poses and paths."""
         if self.seen is not None:
             return self.seen
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +26,7 @@ from delta_calibration.diagnosis.linear_model import (
     less_effects,
     linearized_about,
 )
+from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.diagnosis.stacking import apart, stacked, weighted
 from delta_calibration.diagnosis.verdict import SessionFacts
@@ -55,6 +55,7 @@ class Observed(Fitted):
     terms: tuple[Candidate, ...] = ()
     factor: float = 1.0  # of the stated noise
     kept: Array = field(default_factory=lambda: np.ones(0))  # (N,) 1, 0 of samples set aside
+    memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     @classmethod
     def of(
@@ -118,9 +119,8 @@ class Observed(Fitted):
         """Root mean square of the noise of a sample [m]."""
         return float(np.sqrt(np.nanmean(self.evidence.variance)))
 
-    @cached_property
-    def evidence(self) -> LinearizedModel:
-        """What is left to explain, as if the terms were not in the model."""
+    def gathered(self) -> LinearizedModel:
+        """The evidence, of all kinds of measurements."""
         others = tuple((words, self._gathered(parts)) for words, parts in self.further)
         own = self._gathered(self.problem.measured)
         if self.kept.size:
