@@ -379,12 +379,6 @@ class Effect(ABC):
         names, own = ("sine", "cosine", "second_sine", "second_cosine"), self.mechanism
         return _one_a_joint(self.cause, names[: 2 * count], unit, sizes, own.limb, own.joints)
 
-    def _take_usual(self, **usual: float) -> None:
-        """Give settings that are None their usual value on a Delta, times the joint size."""
-        for name, value in usual.items():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, value * self.mechanism.joint_size)
-
     def unit_of(self, unit: str) -> str:
         """A unit with the joints' own in the place of the radian."""
         return self._of_joints(unit)[0]

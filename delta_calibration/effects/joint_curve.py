@@ -21,6 +21,7 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects.base import SPREAD, Array, Effect, Limits, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT, Places
+from delta_calibration.effects.usual import Usual
 from delta_calibration.mechanisms import Mechanism, SerialArm
 from delta_calibration.model.symbols import Symbol, maximum, minimum, where
 from delta_calibration.model.terms import Term
@@ -37,8 +38,7 @@ _READINGS = 2.0  # numbers read, for each weight that is tried
 class JointCurve(Effect):
     """Error curves of all joints over their ranges; `lower`, `upper` (m,) in a row.
 
-    Outside its range a curve is taken to be nothing. Where width or size are not given they are
-    `_WIDTH` and `_SIZE` times the mechanism's joint size; a range that is not given is that of the
+    Outside its range a curve is taken to be nothing. A range that is not given is that of the
     robot's limits.
     """
 
@@ -55,15 +55,11 @@ class JointCurve(Effect):
     limits: ClassVar[Limits] = {"width": (1e-4, 10.0), "size": (1e-7, 1e-1)}
     of_joints: ClassVar[tuple[str, ...]] = ("width", "size")
 
-    # in the joints' unit; known once the mechanism is
-    width: float = None  # type: ignore[assignment]  # between splines
-    size: float = None  # type: ignore[assignment]  # expected of a weight
+    # in the joints' unit
+    width: Usual = Usual(_WIDTH)  # between splines
+    size: Usual = Usual(_SIZE)  # expected of a weight
     lower: tuple[float, ...] = ()
     upper: tuple[float, ...] = ()
-
-    def __post_init__(self) -> None:
-        """Take the usual width and size where none are given."""
-        self._take_usual(width=_WIDTH, size=_SIZE)
 
     @classmethod
     def over(cls, robot: Robot, mechanism: Mechanism, joint: Array, width: float) -> JointCurve:

@@ -19,16 +19,14 @@ from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.signals import DIRECTION, RATE
+from delta_calibration.effects.usual import Usual
 from delta_calibration.model.symbols import Symbol, exp
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
 class StickSlip(Effect):
-    """Twist of a drive: full at creeping speed, `level` of it beyond `speed` [rad/s or m/s].
-
-    Where no speed is given it is `_USUAL` times the mechanism's joint size.
-    """
+    """Twist of a drive: full at creeping speed, `level` of it beyond `speed` [rad/s or m/s]."""
 
     cause: ClassVar[str] = "stick_slip"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -47,12 +45,8 @@ class StickSlip(Effect):
     limits: ClassVar[Limits] = {"speed": (1e-6, 100.0), "level": (0.0, 1.0)}
     of_joints: ClassVar[tuple[str, ...]] = ("speed",)
 
-    speed: float = None  # type: ignore[assignment]  # known once the mechanism is
+    speed: Usual = Usual(0.1)
     level: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Take the usual speed where none is given."""
-        self._take_usual(speed=_USUAL)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -93,5 +87,5 @@ class StickSlip(Effect):
         )
 
 
-_USUAL, _SPEEDS = 0.1, (0.01, 0.03, 0.1, 0.3)  # [rad/s of a Delta]
+_SPEEDS = 0.01, 0.03, 0.1, 0.3  # [rad/s of a Delta]
 _LEVEL = 0.15
