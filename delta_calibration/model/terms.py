@@ -245,10 +245,27 @@ def firsts(table: Table, signals: Array, values: Array) -> Array:
 
 
 @compiled(borrows=True)
-def _columns(
-    table: Table, signals: Array, values: Array, by_stage: Array, work: Array, found: Array
+def _derive(
+    table: Table,
+    signals: Array,
+    values: Array,
+    by_stage: Array,
+    place: Index,
+    work: Array,
+    found: Array,
 ) -> None:
-    count, shared = len(signals), len(by_stage) == 1
+    """Derivatives of all terms by their values at every sample.
+
+    Args:
+        table: the terms.
+        signals: (n, S).
+        values: (K,).
+        by_stage: see `columns`.
+        place: see `slopes`; nothing, where it is columns that are found.
+        work: the workspaces.
+        found: columns (n, d, K), or slopes (1, rows, n).
+    """
+    count, shared, apart = len(signals), len(by_stage) == 1, len(place) > 0
     for begin in range(0, count, _AT_A_TIME):
         for term in range(len(table.law)):
             span, law = table.span[term], table.law[term]
@@ -267,8 +284,14 @@ def _columns(
                 for i in range(taken):
                     own[i] = signals[row, signal[i]]
                 call(law, own)
-                through = by_stage[0 if shared else row]
-                slopes_of(own[first:], output, value, through, found[row])
+                if apart:
+                    for j in range(moves):
+                        where = place[value[j]]
+                        if where >= 0:
+                            found[0, where, row] = own[first + j]
+                else:
+                    through = by_stage[0 if shared else row]
+                    slopes_of(own[first:], output, value, through, found[row])
 
 
 @compiled()
@@ -282,36 +305,9 @@ def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Arr
         by_stage: (n, d, size of the stage), or (1, d, size) where all samples share it.
     """
     found = np.zeros((len(signals), by_stage.shape[1], len(values)))
-    _columns(table, signals, values, by_stage, table.work.copy(), found)
+    nowhere = np.zeros(0, dtype=np.int64)
+    _derive(table, signals, values, by_stage, nowhere, table.work.copy(), found)
     return found
-
-
-@compiled(borrows=True)
-def _slopes(
-    table: Table, signals: Array, values: Array, place: Index, work: Array, found: Array
-) -> None:
-    count = len(signals)
-    for begin in range(0, count, _AT_A_TIME):
-        for term in range(len(table.law)):
-            span, law = table.span[term], table.law[term]
-            taken, moves = span[S_COUNT], span[V_COUNT]
-            signal = table.signal[span[S_AT] : span[S_AT] + taken]
-            value = table.value[span[V_AT] : span[V_AT] + moves]
-            own = work[span[W_AT] : span[W_AT] + span[W_SIZE]]
-            first = span[F_AT] + 1  # behind its only output
-            lead, low, high = table.lead[term], table.reach[term, 0], table.reach[term, 1]
-            for j in range(moves):
-                own[taken + j] = values[value[j]]
-            for row in range(begin, min(begin + _AT_A_TIME, count)):
-                if signals[row, lead] < low or signals[row, lead] > high:
-                    continue
-                for i in range(taken):
-                    own[i] = signals[row, signal[i]]
-                call(law, own)
-                for j in range(moves):
-                    where = place[value[j]]
-                    if where >= 0:
-                        found[where, row] = own[first + j]
 
 
 @compiled()
@@ -325,6 +321,7 @@ def slopes(table: Table, signals: Array, values: Array, place: Index, rows: int)
         place: row of each value, (K,); negative: nowhere.
         rows: how many there are.
     """
-    found = np.zeros((rows, len(signals)))
-    _slopes(table, signals, values, place, table.work.copy(), found)
+    found, none = np.zeros((rows, len(signals))), np.zeros((0, 0, 0))
+    whole = found.reshape((1, rows, len(signals)))
+    _derive(table, signals, values, none, place, table.work.copy(), whole)
     return found
