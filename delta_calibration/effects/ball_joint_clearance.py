@@ -21,6 +21,7 @@ from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import JOINT, LOAD, POSE, Places
+from delta_calibration.effects.springs import DeltaLoadEffect
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.chain_constants import FREE_FALL
 from delta_calibration.model.symbols import Symbol, maximum, sign, sin, tanh, where
@@ -29,7 +30,7 @@ from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class BallJointClearance(Effect):
+class BallJointClearance(DeltaLoadEffect):
     """The same clearance in every rod."""
 
     cause: ClassVar[str] = "ball_joint_clearance"
@@ -42,17 +43,11 @@ class BallJointClearance(Effect):
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
-    needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     limits: ClassVar[Limits] = {"force": (0.0, 1e3), "end": (-1.0, 1.0)}
 
     force: float = 0.0
     end: float = 0.0  # of the rods where the play is: -1 platform, 1 elbow, 0 both or not known
-
-    @property
-    def suits(self) -> bool:
-        """Whether its loads are known: those of a rotary Delta."""
-        return isinstance(self.mechanism, DeltaModel)
 
     @property
     def parameters(self) -> ParameterSet:

@@ -12,17 +12,17 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.base import Stage
 from delta_calibration.effects.regressor import ACCELERATION, Regressor
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import INERTIA
-from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.effects.springs import GIVE, MOST_GIVE, DeltaLoadEffect
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class DynamicDeflection(Effect):
+class DynamicDeflection(DeltaLoadEffect):
     """Give of the drives to what it takes to accelerate arms, rods, platform and payload."""
 
     cause: ClassVar[str] = "dynamic_deflection"
@@ -35,17 +35,11 @@ class DynamicDeflection(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.DRIVE
     gentle: ClassVar[bool] = True
-    needs: ClassVar[tuple[str, ...]] = ("payload",)
-
-    @property
-    def suits(self) -> bool:
-        """Whether its loads are known: those of a rotary Delta."""
-        return isinstance(self.mechanism, DeltaModel)
 
     @property
     def parameters(self) -> ParameterSet:
         """1/k [rad/(N m)], the same for all joints."""
-        return self.shared("dynamic_compliance", "rad/(N m)", 4e-5, 0.0, 1e-2)
+        return self.shared("dynamic_compliance", "rad/(N m)", GIVE, 0.0, MOST_GIVE)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Acceleration of the joint."""

@@ -10,20 +10,20 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.base import Stage
 from delta_calibration.effects.regressor import LOAD as BY_LOAD
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
-from delta_calibration.mechanisms.delta_leg import DeltaModel
+from delta_calibration.effects.springs import DeltaLoadEffect
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class ForearmCompliance(Effect):
+class ForearmCompliance(DeltaLoadEffect):
     """Elastic stretch of each rod, all of one stiffness."""
 
     cause: ClassVar[str] = "forearm_compliance"
@@ -36,12 +36,6 @@ class ForearmCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     gentle: ClassVar[bool] = True
-    needs: ClassVar[tuple[str, ...]] = ("payload",)
-
-    @property
-    def suits(self) -> bool:
-        """Whether its loads are known: those of a rotary Delta."""
-        return isinstance(self.mechanism, DeltaModel)
 
     @property
     def parameters(self) -> ParameterSet:

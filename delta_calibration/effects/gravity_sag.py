@@ -24,6 +24,7 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import GRAVITY, JOINT, Places
+from delta_calibration.effects.springs import GIVE, MOST_GIVE
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model import symbols as sy
 from delta_calibration.model.symbols import Symbol
@@ -31,7 +32,6 @@ from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 
 _SIZE, _MOST = 0.2e-3, 0.02  # [rad] expected of a vector's component, and its bound
-_GIVE, _MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] of a reducer, as those of `reducer_compliance`
 _UPRIGHT = 1e-6  # sine of an axis' twist from the one before, under which they are parallel
 
 
@@ -78,7 +78,7 @@ class GravitySag(Effect):
         moments = _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)
         if self.payload == UNKNOWN:
             return moments
-        gives = self.each_joint("compliance", "rad/(N m)", _GIVE, 0.0, _MOST_GIVE)
+        gives = self.each_joint("compliance", "rad/(N m)", GIVE, 0.0, MOST_GIVE)
         return ParameterSet((*moments.items, *gives.items))
 
     @property
