@@ -270,7 +270,7 @@ _ASKED: Mapping[Asked, int] = {"nothing": NOTHING, "readings": READINGS, "poses"
 
 
 def _view() -> Any:
-    """The compiled view; numba is loaded with the first use."""
+    """The compiled view."""
     from delta_calibration.model import view
 
     return view

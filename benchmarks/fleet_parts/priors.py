@@ -18,7 +18,7 @@ from delta_calibration.calibration_file import from_identification
 from delta_calibration.data import Poses, Survey, survey
 from delta_calibration.estimation import Identification, Population, identify
 from delta_calibration.fleet.evidence import Fitted, together
-from delta_calibration.fleet.population import estimate, kinds_of
+from delta_calibration.fleet.population import estimate, expected, kinds_of
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -89,7 +89,7 @@ def priors(
         found = identify(poses, robot)
         fits.append(Fitted(str(number), (from_identification(found, robot, poses),)))
     learnt = estimate(together(fits), kinds_of(robot.detailed.parameters.names))
-    population = learnt.next_machine
+    population = expected(learnt.population, learnt.told)
     well = learnt.told > machines / 4
     print(f"{machines} machines of {measured} places, spread {spread:g} tolerances")
     print(

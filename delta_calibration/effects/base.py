@@ -40,9 +40,9 @@ from delta_calibration.effects.signals import (
     standing_asked,
 )
 from delta_calibration.mechanisms import Mechanism
-from delta_calibration.model import chain_constants
+from delta_calibration.model import chain_constants, terms
 from delta_calibration.model.law import Law
-from delta_calibration.model.terms import Term
+from delta_calibration.model.terms import Table, Term, table_of
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 
@@ -400,7 +400,7 @@ class Effect(ABC):
 class StageTerms:
     """What some effects of one stage do together, compiled."""
 
-    table: Any  # model.terms.Table
+    table: Table
     size: int  # of the stage
     asked: int  # loads that they need, see signals.py
     stands: bool  # whether they need a machine that stands somewhere
@@ -408,16 +408,16 @@ class StageTerms:
 
     def shifts(self, signals: Signals, values: Array) -> Array:
         """What they add with these values (k,) at every sample, (n, size)."""
-        return np.asarray(_terms().shifts(self.table, signals.rows, values, self.size))
+        return np.asarray(terms.shifts(self.table, signals.rows, values, self.size))
 
     def firsts(self, signals: Signals, values: Array) -> Array:
         """What each term adds to the first of the rows that it moves, (n, terms)."""
-        return np.asarray(_terms().firsts(self.table, signals.rows, values))
+        return np.asarray(terms.firsts(self.table, signals.rows, values))
 
     def columns(self, signals: Signals, values: Array, by_stage: Array | None = None) -> Array:
         """Derivatives by their values (k,), (n, d, k), see `Effect.columns_of`."""
         through = np.eye(self.size)[None] if by_stage is None else np.ascontiguousarray(by_stage)
-        return np.asarray(_terms().columns(self.table, signals.rows, values, through))
+        return np.asarray(terms.columns(self.table, signals.rows, values, through))
 
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
@@ -451,10 +451,10 @@ def _taken(effects: Sequence[Effect]) -> list[str]:
 
 def table_of_stage(
     stage: Stage, effects: Sequence[Effect], each: Sequence[slice], places: Places
-) -> Any:
+) -> Table:
     """Terms of the effects of one stage, whose values stand in theta (model/terms.py)."""
     here = [(e, part) for e, part in zip(effects, each, strict=True) if e.stage is stage]
-    return _terms().table_of(_parts(here, places))
+    return table_of(_parts(here, places))
 
 
 def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
@@ -488,7 +488,7 @@ def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
     parts = _parts(list(zip(effects, spans, strict=True)), places)
     names = [name for effect in effects for name in effect.takes]
     return StageTerms(
-        _terms().table_of(parts),
+        table_of(parts),
         effects[0].stage_size if effects else 0,
         _asked(effects[0].mechanism, names) if effects else 0,
         standing_asked(names),
@@ -528,10 +528,3 @@ def _stand() -> Any:
     from delta_calibration.model import stand
 
     return stand
-
-
-def _terms() -> Any:
-    """The compiled loops; numba is loaded with the first use."""
-    from delta_calibration.model import terms
-
-    return terms

@@ -57,7 +57,7 @@ class Kind:
     parts: tuple[Kind, ...] = ()  # of what a function returns
 
 
-INT, REAL, LAW, NOTHING = Kind("int"), Kind("double"), Kind("law"), Kind("void")
+INT, REAL, NOTHING = Kind("int"), Kind("double"), Kind("void")
 NUMBERS, ROWS = Kind("Numbers", 1), Kind("Rows", 1)
 
 

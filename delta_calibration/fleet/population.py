@@ -52,11 +52,6 @@ class Estimated:
     told: Array  # (p + k,) so many machines' worth of knowledge of each number is in its spread
     belief: Belief  # of each machine, (N, p + k)
 
-    @property
-    def next_machine(self) -> Population:
-        """What is expected of a machine that is not among them."""
-        return expected(self.population, self.told)
-
 
 def expected(crowd: Population, told: Array) -> Population:
     """The prior of the next machine: the crowd's, wider by how well its middle is known.

@@ -36,7 +36,6 @@ from delta_calibration.history.store import Entry, Store
 from delta_calibration.robot import robot_from
 
 AHEAD = 3  # sessions on their way for each thread of the cluster
-MEMORY_GB = 2.0  # of a worker of the local cluster; it is begun anew where it needs more
 _RETRIES = 2  # of work that ends by an error that is no result: a disk or a network that fails
 _LONGEST = 60.0  # [s] until a scheduler has to answer
 

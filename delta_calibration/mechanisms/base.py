@@ -841,7 +841,7 @@ def _stand() -> Any:
 
 
 def _kernels() -> Any:
-    """The compiled loops; numba is loaded with the first use."""
+    """The compiled loops."""
     from delta_calibration.model import kernels
 
     return kernels

@@ -171,11 +171,8 @@ class _Entries:
 
     def text(self, section: str, name: str) -> str:
         if not self.has(section, name):
-            further = [
-                s.removeprefix("include ")
-                for s in self.parser.sections()
-                if s.startswith("include ")
-            ]
+            sections = (s for s in self.parser.sections() if s.startswith(_INCLUDE))
+            further = [s.removeprefix(_INCLUDE) for s in sections]
             hint = f"; it may be in {', '.join(further)}, which is not read" if further else ""
             raise InputError(f"{self.path}: [{section}] {name} is missing{hint}")
         return self.parser.get(section, name).strip()

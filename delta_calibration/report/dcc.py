@@ -49,7 +49,7 @@ _MUST = (  # entries of `about`, in words
     (("laboratory", "name"), "laboratory: {name: ...}"),
     (("laboratory", "country"), "laboratory: {country: ...}"),
 )
-_LOCATION = {"city": "city", "country": "countryCode", "post_code": "postCode", "street": "street"}
+_LOCATION = {"city": "city", "country": "countryCode", "street": "street", "post_code": "postCode"}
 _CONFORMITY = {Decision.PASS: "pass", Decision.FAIL: "fail"}
 
 
@@ -193,13 +193,7 @@ def _contact(parent: Element, kind: str, name: str, about: About, where: str) ->
     contact = _in(parent, kind)
     _words(contact, "name", name)
     location = _in(contact, "location")
-    entries = {
-        "city": "city",
-        "country": "countryCode",
-        "street": "street",
-        "post_code": "postCode",
-    }
-    for key, element in entries.items():
+    for key, element in _LOCATION.items():
         if (text := about.text(where, key)) != NOT_STATED:
             _in(location, element, text)
     if not len(location):
