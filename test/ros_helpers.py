@@ -19,6 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from delta_calibration.processes import child_environment, remove_dead_shared_memory
+from delta_calibration.ros.inventory import NODES
 
 with (
     warnings.catch_warnings()
@@ -141,13 +142,19 @@ Launch = Callable[..., NodeProcess]
 
 @pytest.fixture(name="launch")
 def launch_fixture(tmp_path: Path) -> Iterator[Launch]:
-    """Start `python -m module --ros-args -p name:=value ...`; killed at the end if still there."""
+    """Start `python -m module --ros-args -p name:=value ...`; killed at the end if still there.
+
+    Executables of the package start by their entry, as the console scripts do.
+    """
     started: list[NodeProcess] = []
 
     def start(module: str, *arguments: str, **parameters: object) -> NodeProcess:
         options = [o for k, v in parameters.items() for o in ("-p", f"{k}:={yaml(v)}")]
         ros = ["--ros-args", *options] if options else []
-        command = ["-m", module, *arguments, *ros]
+        place, _, name = module.rpartition(".")
+        entered = name in NODES and place == "delta_calibration.ros"
+        own = [f"{place}.entry", name] if entered else [module]
+        command = ["-m", *own, *arguments, *ros]
         started.append(NodeProcess(command, tmp_path / f"node_{len(started)}.log"))
         return started[-1]
 

@@ -19,6 +19,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 LAYERS = [
     "errors",
     "files",
+    "loading",
     "model",
     "processes",
     "threads",

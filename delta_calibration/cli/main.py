@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import gc
-import importlib
 import os
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
-from types import ModuleType
 
 import click
 from click.shell_completion import CompletionItem
@@ -16,6 +13,7 @@ from click.shell_completion import CompletionItem
 from delta_calibration import __version__
 from delta_calibration.cli.overview import TOLD, write_verbs
 from delta_calibration.errors import CalibrationError
+from delta_calibration.loading import load
 
 VERBS = (
     "completion",
@@ -64,7 +62,7 @@ class Verbs(click.Group):
         if cmd_name not in VERBS:
             return None
         name = _MODULES.get(cmd_name, cmd_name)
-        command = _loaded(f"delta_calibration.cli.{name}").command
+        command = load(f"delta_calibration.cli.{name}").command
         return command if isinstance(command, click.Command) else None
 
     def resolve_command(
@@ -84,20 +82,6 @@ class Verbs(click.Group):
         verbs = [verb for verb in VERBS if verb.startswith(incomplete)]
         options = click.Command.shell_complete(self, ctx, incomplete)
         return [*(CompletionItem(verb, help=TOLD[verb].about) for verb in verbs), *options]
-
-
-def _loaded(name: str) -> ModuleType:
-    """Import a module with the garbage collector off: all that an import makes stays."""
-    if name in sys.modules:
-        return sys.modules[name]
-    collects = gc.isenabled()
-    gc.disable()
-    try:
-        return importlib.import_module(name)
-    finally:
-        gc.freeze()
-        if collects:
-            gc.enable()
 
 
 @click.group(cls=Verbs, context_settings={"help_option_names": ["-h", "--help"]})

@@ -8,6 +8,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from delta_calibration.errors import InputError
+from delta_calibration.loading import load
 from delta_calibration.ros.watchdog import leave
 
 MISSING = (
@@ -32,11 +33,12 @@ def run_node(executable: str) -> int:
         signal.signal(signal.SIGINT, handler)
         sys.stderr.write(MISSING.format(executable=executable, python=sys.executable))
         return InputError.exit_code
+    module = load(f"delta_calibration.ros.{executable}")
     node_help = import_module("delta_calibration.ros.node_help")
     if node_help.asks_for_help(sys.argv):
         sys.stdout.write(node_help.help_text(executable))
         return 0
-    return int(import_module(f"delta_calibration.ros.{executable}").main())
+    return int(module.main())
 
 
 def session_recorder() -> NoReturn:
@@ -72,3 +74,7 @@ def grid_positioner() -> NoReturn:
 def robot_description() -> NoReturn:
     """Show the robot: URDF, and the states of all its joints."""
     leave(run_node("robot_description"))
+
+
+if __name__ == "__main__":  # python -m delta_calibration.ros.entry NAME: the executable NAME
+    leave(run_node(sys.argv.pop(1)))

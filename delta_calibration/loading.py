@@ -1,0 +1,22 @@
+"""Modules that are loaded when a verb or a node asks for them."""
+
+from __future__ import annotations
+
+import gc
+import importlib
+import sys
+from types import ModuleType
+
+
+def load(name: str) -> ModuleType:
+    """Import a module with the garbage collector off: all that an import makes stays."""
+    if name in sys.modules:
+        return sys.modules[name]
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        return importlib.import_module(name)
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
