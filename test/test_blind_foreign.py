@@ -48,6 +48,14 @@ def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
     assert not said["findings"]
 
 
+def test_a_cause_that_follows_a_law_is_not_named_where_no_law_can_be_told():
+    """Weak give of the drives, unknown to the diagnosis, is much like give of the rods."""
+    said = trial(573905, ("joint_compliance", 107.1), without="joint_compliance")
+    assert said["unknown"]
+    assert said["moves_with"] == "payload"
+    assert not said["findings"]
+
+
 def test_a_cause_is_not_named_that_explains_little_beside_a_map():
     """Give of the drives under payload, unknown to the diagnosis, bends by angle a little, too."""
     said = trial(509932, ("joint_compliance", 1263.16), without="joint_compliance")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from types import SimpleNamespace
@@ -28,7 +29,7 @@ from delta_calibration.diagnosis import (
 )
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, maps, subsets
 from delta_calibration.diagnosis.columns import Plain
-from delta_calibration.diagnosis.joint_fit import as_score
+from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Weighed
 from delta_calibration.effects import EFFECTS, catalogue
@@ -238,6 +239,27 @@ def test_a_size_that_is_not_known_is_integrated_over(evidence, k: int, size: flo
     exact = logsumexp(log_b) - np.log(len(each))
     # where nothing shows the likeliest size is none, and the sharp peak that is taken is not there
     assert told == pytest.approx(exact, abs=0.3) if exact > 10 else exact - 2 < told < exact
+
+
+def test_a_map_pays_for_every_size_and_width_that_it_could_have_had(evidence) -> None:
+    """By densities, r ~ N(0, V + 25 X X') of the map in one form, all its forms alike likely."""
+    proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
+    flat = proper.nuisance.reshape(proper.size, -1)
+    V = np.eye(proper.size) + flat / proper.precision @ flat.T
+    r = proper.column[:, 0]
+    nothing = multivariate_normal(np.zeros(len(r)), V).logpdf(r)
+    weighed = Weighed.of(proper, np.inf, 1, np.random.default_rng(0))
+    groups = list(maps(proper, catalogue(ROBOT, proper.chain.mechanism)[0]))
+    forms = Counter(one.label for group in groups for one in group)
+    assert len(set(forms.values())) > 1
+    for group in groups:
+        (told,) = (s for s in weighed.explore([group]) if s.candidate is group[2])
+        X = columns_of(group[2], proper)
+        there = multivariate_normal(np.zeros(len(r)), V + 25 * X @ X.T).logpdf(r)
+        among = np.log(forms[group[2].label])
+        assert told.log_bayes == pytest.approx(there - nothing - among, abs=1e-4)
+        together = JointFit.of(proper, [told]).fit((0,))[1]
+        assert together == pytest.approx(there - nothing - among, abs=1e-4)
 
 
 @pytest.fixture(scope="module")

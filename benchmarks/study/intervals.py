@@ -7,10 +7,16 @@ the search, whose choices the study judges, a machine takes seconds and there ca
 
 inside is the share of the true values within 1.96 stated standard deviations, spread the root
 mean square of (stated - true) / standard deviation: 1 where all is right.
+
+Whether a study's misses are chance shows where the same machines are measured anew, with other
+noise: those of which an interval of one cause did not hold, each 14 times,
+
+    PYTHONPATH=test:benchmarks python -m study.intervals --of joint_lag out/study.jsonl --again 14
 """
 
 from __future__ import annotations
 
+import json
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
@@ -18,6 +24,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the matrices are small
 # The libraries read it when they are loaded, hence the imports after it.
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
 
 import click
 import numpy as np
@@ -29,7 +36,7 @@ from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.model import fit
 from delta_calibration.robot import load_robot
 from study.judge import SAME, scaled, true_terms, true_value
-from study.outcomes import table
+from study.outcomes import inside, table
 from study.statistics import Rate
 from study.trials import BEYOND_GEOMETRY, OF_ROBOT, ROBOTS, Task
 
@@ -50,22 +57,33 @@ def drawn(robot: str, seed: int, machines: int) -> list[Task]:
     ]
 
 
-def errors(task: Task) -> list[float]:
-    """(stated - true) / standard deviation of each value of the cause; none where it cannot be."""
-    trial, _ = scaled(task)
+def missed(path: Path, cause: str) -> list[Task]:
+    """Machines of a study, a line each, of which an interval of a cause did not hold."""
+    lines = (json.loads(line) for line in path.read_text().splitlines())
+    return [
+        Task.of_key(line["key"])
+        for line in lines
+        if any(i["of"].split(".")[0] == cause and not inside(i) for i in line["intervals"])
+    ]
+
+
+def errors(task: Task, cause: str, again: int = 0) -> list[float]:
+    """(stated - true) / standard deviation of each value of a cause; none where it cannot be."""
+    trial, _ = scaled(task, again)
     robot = load_robot(task.robot)
     start = calibrated(survey(trial.session, robot.joints.names), robot)
     terms = true_terms(trial, start, robot)
     if terms is None:
         return []
     model = fit(start, terms)
-    (term,) = model.terms
+    term = next(term for term in model.terms if term.cause == cause)
     items = items_of(model, term)
-    spread = spread_of(beside(model.evidence, ()), model, term)[0]
+    rest = tuple(other for other in model.terms if other is not term)
+    spread = spread_of(beside(model.evidence, rest), model, term)[0]
     off = []
     for item, value, share in zip(items, model.values(term), spread, strict=True):
-        for ours, theirs in SAME[term.cause].items():
-            true = true_value(trial, term.cause, ours, item.name.removeprefix(theirs))
+        for ours, theirs in SAME[cause].items():
+            true = true_value(trial, cause, ours, item.name.removeprefix(theirs))
             if true is not None:
                 off.append(float(value - true) / float(share * item.prior))
     return off
@@ -76,22 +94,27 @@ def errors(task: Task) -> list[float]:
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--machines", type=click.IntRange(1), default=20, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
-def intervals(robots: str, seed: int, machines: int, workers: int) -> None:
+@click.option("--of", type=(str, click.Path(exists=True, path_type=Path)), metavar="CAUSE FILE")
+@click.option("--again", type=click.IntRange(1), default=14, show_default=True)
+def intervals(
+    robots: str, seed: int, machines: int, workers: int, of: tuple[str, Path] | None, again: int
+) -> None:
     """Count hidden values within their stated intervals."""
-    named = ROBOTS if robots == "all" else tuple(robots.split(","))
-    every = [task for robot in named for task in drawn(robot, seed, machines)]
+    if of is None:
+        named = ROBOTS if robots == "all" else tuple(robots.split(","))
+        fresh = [task for robot in named for task in drawn(robot, seed, machines)]
+        asked = [(task, task.causes[0][0], 0) for task in fresh]
+    else:
+        cause, path = of
+        asked = [(t, cause, k) for t in missed(path, cause) for k in range(1, again + 1)]
     with ProcessPoolExecutor(workers) as pool:
-        off = list(pool.map(errors, [*every]))
-    rows = []
-    for robot, cause in dict.fromkeys((task.robot, task.causes[0][0]) for task in every):
-        own = [o for task, o in zip(every, off, strict=True) if _is(task, robot, cause)]
-        rows.append((robot, cause, len(own), *_counted(own)))
+        off = list(pool.map(errors, *zip(*asked, strict=True)))
+    own: dict[tuple[str, str], list[list[float]]] = {}
+    for (task, cause, _), each in zip(asked, off, strict=True):
+        own.setdefault((task.robot, cause), []).append(each)
+    rows = [(robot, cause, len(o), *_counted(o)) for (robot, cause), o in own.items()]
     rows.append(("all", "", len(off), *_counted(off)))
-    click.echo(table(("robot", "cause", "machines", "inside", "spread"), rows))
-
-
-def _is(task: Task, robot: str, cause: str) -> bool:
-    return task.robot == robot and task.causes[0][0] == cause
+    click.echo(table(("robot", "cause", "sessions", "inside", "spread"), rows))
 
 
 def _counted(off: Iterable[Sequence[float]]) -> tuple[Rate, str]:

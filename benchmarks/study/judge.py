@@ -82,23 +82,25 @@ def judge(key: str) -> dict[str, Any]:
     }
 
 
-def scaled(task: Task) -> tuple[Trial, dict[str, float]]:
+def scaled(task: Task, again: int = 0) -> tuple[Trial, dict[str, float]]:
     """The session, its causes as strong as is wanted, and the lambda of each.
 
     A cause is scaled within what a machine could have; lambda goes with the square of its size.
+    Measured `again` it is the same machine with other noise.
     """
     plain = _hide(task, {cause: 1.0 for cause, _ in task.causes})
     own = np.array([plain.strengths[cause.name] for cause in plain.causes])
     wanted = np.array([strength for _, strength in task.causes])
     most = [_METAL if name.startswith("thermal") else _MOST for name, _ in task.causes]
     size = np.clip(np.sqrt(wanted / np.maximum(own, 1e-9)), _WEAKEST, most)
-    trial = _hide(task, {cause: s for (cause, _), s in zip(task.causes, size, strict=True)})
+    causes = {cause: s for (cause, _), s in zip(task.causes, size, strict=True)}
+    trial = _hide(task, causes, again)
     names = [cause.name for cause in plain.causes]
     return trial, dict(zip(names, (own * size**2).tolist(), strict=True))
 
 
-def _hide(task: Task, causes: Mapping[str, float]) -> Trial:
-    return hide(causes, task.seed, task.plan, task.scatter, robot=task.robot)
+def _hide(task: Task, causes: Mapping[str, float], again: int = 0) -> Trial:
+    return hide(causes, task.seed, task.plan, task.scatter, robot=task.robot, again=again)
 
 
 def _said(finding: Finding) -> dict[str, Any]:

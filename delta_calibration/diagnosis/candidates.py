@@ -50,6 +50,12 @@ class Candidate:
         return self.effect is not None and not self.unexplained
 
     @property
+    def forms(self) -> int:
+        """Sizes and widths of a map, among which the likeliest is taken; 1 of all else."""
+        family = self.effect.moves_with if self.unexplained and self.effect is not None else None
+        return 1 if family is None else len(SIZES) * len(reaches(family))
+
+    @property
     def label(self) -> str:
         """For people: cause, and where."""
         family = self.effect.moves_with if self.effect is not None else None

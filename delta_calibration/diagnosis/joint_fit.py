@@ -140,7 +140,8 @@ class JointFit:
         log_b = maps.log_bayes + log_bayes(
             information, b, value, sizes([self.candidates[i] for i in named])
         )
-        return max(0.0, gain), log_b - float(np.log(self.tries[list(terms)]).sum())
+        choices = self.tries[list(terms)] * [self.candidates[i].forms for i in terms]
+        return max(0.0, gain), log_b - float(np.log(choices).sum())
 
     def _maps(self, maps: tuple[int, ...]) -> _Maps:
         """What these maps do and leave of all else, worked out when first asked for."""

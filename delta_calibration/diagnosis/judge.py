@@ -155,7 +155,10 @@ def _less_than_a_law(
     effects: Sequence[Effect],
     rng: np.random.Generator,
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """Without causes that only follow what is likelier a single law; as sure as that is not so."""
+    """Without causes that only follow what is likelier a single law; as sure as that is not so.
+
+    Whether that law can be told is another question.
+    """
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:
         return found, held, said
@@ -163,12 +166,9 @@ def _less_than_a_law(
     without = beside(found.model.evidence, others)  # about the fit with them: their best view
     doubt = doubts_of_names(without, named, effects[0].robot)
     doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
-    told = all(doubted[m].confidence >= LEAST_SURE for m in named)
-    if told and doubt < LIKELIER:
+    if doubt < LIKELIER and all(doubted[m].confidence >= LEAST_SURE for m in named):
         return found, held, doubted
     bare = found.model.fitted(tuple(m for m in said if m.effect is None))
-    if told and not likely_laws(bare.beside, effects[0].robot, effects[0], rng):
-        return found, held, doubted
     found = replace(found, model=bare, last=scanned(bare, effects, rng).without(named))
     return _holding(found, bare, rng)
 

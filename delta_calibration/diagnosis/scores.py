@@ -15,8 +15,9 @@ alike much costs one size, and not three values out of all that each could be.
 
 A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
 largest D over all shapes says how many independent tries it was worth, and both answers are
-charged with that number. A cause that is so many times likelier than causes are on average, as
-machines of the same type have it, is charged with so many tries less.
+charged with that number. A map pays in ln B alike for all sizes and widths that it could have
+had; the tests of these are counted one by one. A cause that is so many times likelier than causes
+are on average, as machines of the same type have it, is charged with so many tries less.
 """
 
 from __future__ import annotations
@@ -66,6 +67,11 @@ class Chance:
         free = 1 - held**2
         total, square = float(free.sum()), float(np.sum(free**2))
         return cls(square / total, total**2 / square) if total > 0 else cls(1.0, 1.0)
+
+    @property
+    def mean(self) -> float:
+        """Decrease of chi square by chance, on average."""
+        return self.unit * self.degrees
 
     def log_p(self, gain: float, noise_degrees: float) -> float:
         """ln p of as large a decrease of chi square."""
@@ -200,7 +206,7 @@ class Weighed:
             information=best.information,
             units=best.units,
             gain=decrease(information, b, value),
-            log_bayes=log_bayes(information, b, value, spans) - float(np.log(tries)),
+            log_bayes=log_bayes(information, b, value, spans) - log(tries * candidate.forms),
             tries=tries,
             noise_degrees=self.noise_degrees,
         )

@@ -253,7 +253,7 @@ def _likeliest(
         gain = samples * (bare.misfit - fit.misfit)
         information = fit.evidence.information_of(columns)
         price = price_of(information, value, sizes(fit.terms))
-        price += sum(float(np.log(as_score(m, tried).tries)) for m in fit.terms)
+        price += sum(float(np.log(as_score(m, tried).tries * m.forms)) for m in fit.terms)
         price += sum(_price_of_choice(m, fit) for m in fit.terms)
         return gain / 2 - price
 
@@ -303,8 +303,9 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
     Nothing is left beside true causes, and each does what no map does at its price. Beside one
     that does nearly as what nobody has described, the rest of that is left, for another map or a
     second name. A wrong name is worse than none. Names that explain nearly all that the map does
-    (`SOME`) need only be as likely as it: no model is perfect. What a map pays beyond its
-    parameters (`shadow`) decides what is tried first, not what is true.
+    (`SOME`), but for what chance gives to a map's many weights, need only be as likely as it: no
+    model is perfect. What a map pays beyond its parameters (`shadow`) decides what is tried first,
+    not what is true.
     """
     terms, maps = model.terms, [s for s in short if s.candidate.unexplained]
     named = [i for i, term in enumerate(terms) if not term.unexplained]
@@ -319,12 +320,14 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
     for group in groups:
         others = [j for j in range(len(terms)) if j not in group]
         nearly_all = explained + SOME * (explained - together.fit(others)[0])
+        by_chance = sum(together.chance(i).mean for i in group)
         for k in range(helped, len(scores)):
             chosen = tuple(together.candidates[j] for j in (*others, k))
             if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):
                 continue
             gain, log_b = together.fit((*others, k))
-            likelier = log_b + (PLAIN if gain > nearly_all else 0.0) > names
+            further = max(0.0, together.chance(k).mean - by_chance)
+            likelier = log_b + (PLAIN if gain > nearly_all + further else 0.0) > names
             if likelier and log_b > best:
                 best, instead = log_b, chosen
     return instead

@@ -119,6 +119,7 @@ def hide(
     scatter: float = 1.0,
     sensors: tuple[str, ...] | None = None,
     robot: str = "srbd",
+    again: int = 0,
 ) -> Trial:
     """A session of a machine with these causes in it; the same for the same arguments.
 
@@ -133,9 +134,11 @@ def hide(
         sensors: parts whose temperature is recorded (of a Delta arm, base, forearm); those that
             such a machine usually has where not given.
         robot: one of `kinds.KINDS`.
+        again: how often the same machine was measured before, each time with other noise.
     """
     asked = causes if isinstance(causes, Mapping) else dict.fromkeys(causes, 1.0)
-    of_cell, of_plan, of_causes, of_noise = (np.random.default_rng([seed, k]) for k in range(4))
+    of_cell, of_plan, of_causes = (np.random.default_rng([seed, k]) for k in range(3))
+    of_noise = np.random.default_rng([seed, 3, again] if again else [seed, 3])
     kind = KINDS[robot]
     hidden = tuple(draw(name, strength, of_causes, robot) for name, strength in asked.items())
     items = PLANS[plan](of_plan, kind)
