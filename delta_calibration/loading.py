@@ -9,7 +9,10 @@ from types import ModuleType
 
 
 def load(name: str) -> ModuleType:
-    """Import a module with the garbage collector off: all that an import makes stays."""
+    """Import a module with the garbage collector off.
+
+    What an import makes is never garbage; frozen, later collections do not look at it either.
+    """
     if name in sys.modules:
         return sys.modules[name]
     collects = gc.isenabled()

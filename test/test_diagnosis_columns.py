@@ -95,8 +95,10 @@ def evidence_of(name: str) -> LinearizedModel:
 def test_evidence_that_was_let_go_comes_back() -> None:
     fit = fit_of("five_axis")
     before = fit.evidence
+    assert "evidence" in fit.memo
     fit.forget()
     assert "evidence" not in fit.memo
+    assert "evidence" not in replace(fit).memo
     np.testing.assert_allclose(fit.evidence.residual, before.residual, atol=1e-9)
     np.testing.assert_allclose(fit.evidence.by_joints, before.by_joints, atol=1e-9)
 
@@ -188,6 +190,8 @@ def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
     moving = [e for e in effects if not e.stands and e.stage is not Stage.MEASUREMENT]
     before = [replace(evidence).columns(effect) for effect in moving]
     known = replace(evidence)
+    known.columns(moving[0])
+    assert "recorded" in known.memo
     assert len(known.standing) == len(known)
     for effect, columns in zip(moving, before, strict=True):
         np.testing.assert_array_equal(known.columns(effect), columns)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+import pickle
+from copy import copy, deepcopy
+from dataclasses import FrozenInstanceError, fields, replace
 from itertools import pairwise
 
 import numpy as np
@@ -307,3 +309,17 @@ def test_a_wrong_name_is_refused_with_what_there_is(cause, settings, named) -> N
 def test_a_wrong_value_is_refused_and_named(cause, settings, named) -> None:
     with pytest.raises(InputError, match=named):
         effect_named(cause, ROBOT, ROBOT.model(), settings)
+
+
+@pytest.mark.parametrize("name", ["srbd", "linear_delta"])
+def test_a_usual_setting_goes_by_the_joints_unit_until_one_is_given(name: str) -> None:
+    robot = load_robot(name)
+    usual = EFFECTS["stick_slip"](robot, robot.model())
+    assert usual.speed == 0.1 * robot.commanded.joint_size
+    given = replace(usual, speed=0.3)
+    assert (given.speed, usual.speed) == (0.3, 0.1 * robot.commanded.joint_size)
+    assert given != usual
+    for copied in (copy(given), deepcopy(given), pickle.loads(pickle.dumps(given))):
+        assert copied.speed == 0.3
+    with pytest.raises(FrozenInstanceError):
+        given.speed = 0.4

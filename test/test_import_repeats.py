@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from delta_calibration.recording import read_session
-from delta_calibration.recording.table_repeats import _alike
+from delta_calibration.recording.table_repeats import _alike, _at_least
 from import_bench import imported, mapping_of, measured, refused, stops
 
 
@@ -72,6 +73,13 @@ def test_repeated_poses_that_coarse_digits_make_alike(cell, capsys):
     assert "can be equal by chance, so they were kept" in capsys.readouterr().out
     imported(folder, head, rounded(table, 4), mapping_of())
     assert "note" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("equal", "tries"), [(1, 1), (3, 40), (40, 40), (4, 2**32 + 5)])
+def test_as_many_equal_rows_by_chance(equal: int, tries: int) -> None:
+    for alike in (0.0, 1e-9, 0.2, 1.0):
+        theirs = binom.sf(equal - 1, tries, alike)
+        assert _at_least(equal, tries, alike) == pytest.approx(theirs, rel=1e-9, abs=1e-300)
 
 
 def test_a_robot_that_stands_still_twice_is_no_copy_in_a_stream(cell, capsys):

@@ -133,3 +133,12 @@ def test_a_module_that_is_run_by_python_tells_the_same(name: str) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.startswith(f"{name}: ")
     assert f"ros2 run delta_calibration {name}" in done.stdout
+
+
+@pytest.mark.parametrize("name", [[], ["no_such_node"]])
+def test_a_node_that_there_is_not_is_a_line(name: list[str]) -> None:
+    command = [sys.executable, "-m", "delta_calibration.ros.entry", *name]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "is no node; there are: calibration_node, " in done.stderr
+    assert "Traceback" not in done.stderr

@@ -7,6 +7,7 @@ import pytest
 from scipy import stats
 
 from delta_calibration.diagnosis import tails
+from delta_calibration.fleet.shared import _log_beta_binomial
 from delta_calibration.geometry.halton import halton
 
 
@@ -38,3 +39,10 @@ def test_points_of_halton(size: int) -> None:
     engine = stats.qmc.Halton(size, scramble=False)
     assert np.array_equal(halton(100, size), engine.random(100))
     assert np.array_equal(halton(700, size, 100), engine.random(700))
+
+
+@pytest.mark.parametrize(("n", "a", "b"), [(1, 0.3, 8.0), (20, 0.02, 1.7), (108, 2.0, 5.0)])
+def test_counts_of_rates_that_scatter(n: int, a: float, b: float) -> None:
+    k = np.arange(n + 1)
+    theirs = stats.betabinom.logpmf(k, n, a, b)
+    np.testing.assert_allclose(_log_beta_binomial(k, n, a, b), theirs, rtol=1e-10, atol=1e-10)

@@ -12,6 +12,8 @@ Whether a study's misses are chance shows where the same machines are measured a
 noise: those of which an interval of one cause did not hold, each 14 times,
 
     PYTHONPATH=test:benchmarks python -m study.intervals --of joint_lag out/study.jsonl --again 14
+
+with the file of that study.
 """
 
 from __future__ import annotations
@@ -94,8 +96,19 @@ def errors(task: Task, cause: str, again: int = 0) -> list[float]:
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--machines", type=click.IntRange(1), default=20, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
-@click.option("--of", type=(str, click.Path(exists=True, path_type=Path)), metavar="CAUSE FILE")
-@click.option("--again", type=click.IntRange(1), default=14, show_default=True)
+@click.option(
+    "--of",
+    type=(str, click.Path(exists=True, path_type=Path)),
+    metavar="CAUSE FILE",
+    help="In the place of fresh machines those of a study of which it missed the cause's values.",
+)
+@click.option(
+    "--again",
+    type=click.IntRange(1),
+    default=14,
+    show_default=True,
+    help="With --of: how often each is measured.",
+)
 def intervals(
     robots: str, seed: int, machines: int, workers: int, of: tuple[str, Path] | None, again: int
 ) -> None:
@@ -107,6 +120,8 @@ def intervals(
     else:
         cause, path = of
         asked = [(t, cause, k) for t in missed(path, cause) for k in range(1, again + 1)]
+    if not asked:
+        raise click.ClickException("no interval was missed, or no machine asked for")
     with ProcessPoolExecutor(workers) as pool:
         off = list(pool.map(errors, *zip(*asked, strict=True)))
     own: dict[tuple[str, str], list[list[float]]] = {}

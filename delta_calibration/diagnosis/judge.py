@@ -157,7 +157,7 @@ def _less_than_a_law(
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Without causes that only follow what is likelier a single law; as sure as that is not so.
 
-    Whether that law can be told is another question.
+    They go even where no law is sure enough to be told.
     """
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:

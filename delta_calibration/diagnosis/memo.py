@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar, cast
 
 _Result = TypeVar("_Result")
+_UNKNOWN = object()
 
 
 @dataclass
@@ -14,7 +15,8 @@ class Memo:
     """Results by name, until they are let go of.
 
     A frozen record that has one says the same with and without them. As a field that is not given
-    (`init=False`) it is empty in every copy that `dataclasses.replace` makes.
+    (`init=False`) it is empty in every copy that `dataclasses.replace` makes. Threads that ask at
+    the same time may each compute a result, which is the same.
     """
 
     known: dict[str, Any] = field(default_factory=dict)
@@ -24,9 +26,10 @@ class Memo:
 
     def of(self, name: str, compute: Callable[[], _Result]) -> _Result:
         """A result, computed now if it is not known."""
-        if name not in self.known:
-            self.known[name] = compute()
-        return cast(_Result, self.known[name])
+        found = self.known.get(name, _UNKNOWN)
+        if found is _UNKNOWN:
+            found = self.known[name] = compute()
+        return cast(_Result, found)
 
     def forget(self, *names: str) -> None:
         """Let go of results, which are computed anew when asked for."""

@@ -316,17 +316,18 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
     scores = [*(as_score(m, short) for m in terms), *help_, *maps]
     together, helped = JointFit.of(model.evidence, scores), len(terms) + len(help_)
     explained, names = together.fit(range(helped))
+    by_chance = [together.chance(i).mean for i in range(len(scores))]
     best, instead = -np.inf, terms
     for group in groups:
         others = [j for j in range(len(terms)) if j not in group]
         nearly_all = explained + SOME * (explained - together.fit(others)[0])
-        by_chance = sum(together.chance(i).mean for i in group)
+        replaced = sum(by_chance[i] for i in range(helped) if i not in others)
         for k in range(helped, len(scores)):
             chosen = tuple(together.candidates[j] for j in (*others, k))
             if any(one.same_cause(chosen[-1]) for one in chosen[:-1]):
                 continue
             gain, log_b = together.fit((*others, k))
-            further = max(0.0, together.chance(k).mean - by_chance)
+            further = max(0.0, by_chance[k] - replaced)
             likelier = log_b + (PLAIN if gain > nearly_all + further else 0.0) > names
             if likelier and log_b > best:
                 best, instead = log_b, chosen

@@ -26,7 +26,7 @@ class Usual:
     def __get__(self, effect: Any, owner: type) -> float: ...
 
     def __get__(self, effect: Any, owner: type) -> float | None:
-        """The value that was given, or the usual one; of a class, that none is needed."""
+        """The value that was given, or the usual one; None of the class, as a field's default."""
         if effect is None:
             return None
         given: float | None = vars(effect)[self._name]

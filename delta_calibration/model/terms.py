@@ -261,11 +261,12 @@ def _derive(
         signals: (n, S).
         values: (K,).
         by_stage: see `columns`.
-        place: see `slopes`; nothing, where it is columns that are found.
+        place: see `slopes`; empty, where it is columns that are found.
         work: the workspaces.
         found: columns (n, d, K), or slopes (1, rows, n).
     """
-    count, shared, apart = len(signals), len(by_stage) == 1, len(place) > 0
+    count, shared = len(signals), len(by_stage) == 1
+    apart = len(place) > 0  # slopes are asked for; without values there is nothing to find
     for begin in range(0, count, _AT_A_TIME):
         for term in range(len(table.law)):
             span, law = table.span[term], table.law[term]

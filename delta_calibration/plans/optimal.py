@@ -234,8 +234,8 @@ def _in_joints(
     room = 2 * APPROACH * robot.commanded.joint_size
     lower, upper = robot.joints.lower + room, robot.joints.upper - room
     shift = rng.random(len(lower))
-    for begin in range(0, _DRAWS * count, count):
-        share = np.mod(halton(count, len(lower), begin) + shift, 1.0)
+    for i in range(_DRAWS):
+        share = np.mod(halton(count, len(lower), i * count) + shift, 1.0)
         joint = lower + (upper - lower) * share
         yield tool_frames(robot, joint[_in_mode(robot.commanded, joint)])
 

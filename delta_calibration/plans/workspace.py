@@ -73,8 +73,8 @@ def spread(
 def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
     """Places evenly over the box and the turns that it allows, 2 (count, 3) at a time."""
     shift = rng.random(6)
-    for begin in range(0, _DRAWS * count, count):
-        share = np.mod(halton(count, 6, begin) + shift, 1.0) - 0.5
+    for i in range(_DRAWS):
+        share = np.mod(halton(count, 6, i * count) + shift, 1.0) - 0.5
         yield box.centre + share[:, :3] * box.size, 2 * share[:, 3:] * box.turn
 
 

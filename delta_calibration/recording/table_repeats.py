@@ -13,7 +13,7 @@ from decimal import Decimal, InvalidOperation
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import bdtrc, erf
+from scipy.special import betainc, erf
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.table_mapping import Column, TableMapping
@@ -116,7 +116,15 @@ def _by_chance(
     of_copies = np.array([*Counter(first).values()]) + 1
     tries, equal = (int(np.sum(n * (n - 1) // 2)) for n in (of_each, of_copies))
     alike = float(np.prod([_alike(_step(said, c), sigma) for c in mapping.position]))
-    return bool(bdtrc(equal - 1, tries, alike) > _CHANCE)
+    return _at_least(equal, tries, alike) > _CHANCE
+
+
+def _at_least(equal: int, tries: int, alike: float) -> float:
+    """Probability of as many among so many tries, each alike so often: a binomial law's tail.
+
+    `scipy.special.bdtrc` counts in 32 bits, and pairs of rows are more than that.
+    """
+    return float(betainc(equal, tries - equal + 1, alike))
 
 
 def _step(rows: Sequence[Row], column: Column) -> float:

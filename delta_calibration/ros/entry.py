@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import signal
 import sys
-from importlib import import_module
 from typing import NoReturn
 
 from delta_calibration.errors import InputError
 from delta_calibration.loading import load
+from delta_calibration.ros.inventory import NODES
 from delta_calibration.ros.watchdog import leave
 
 MISSING = (
@@ -28,13 +28,13 @@ def run_node(executable: str) -> int:
     """
     handler = signal.signal(signal.SIGINT, signal.SIG_DFL)  # no traceback out of an import
     try:
-        import_module("rclpy")
+        load("rclpy")
     except ImportError:
         signal.signal(signal.SIGINT, handler)
         sys.stderr.write(MISSING.format(executable=executable, python=sys.executable))
         return InputError.exit_code
     module = load(f"delta_calibration.ros.{executable}")
-    node_help = import_module("delta_calibration.ros.node_help")
+    node_help = load("delta_calibration.ros.node_help")
     if node_help.asks_for_help(sys.argv):
         sys.stdout.write(node_help.help_text(executable))
         return 0
@@ -76,5 +76,14 @@ def robot_description() -> NoReturn:
     leave(run_node("robot_description"))
 
 
-if __name__ == "__main__":  # python -m delta_calibration.ros.entry NAME: the executable NAME
-    leave(run_node(sys.argv.pop(1)))
+def _named() -> int:
+    """Run the node whose name is the first argument: `python -m delta_calibration.ros.entry`."""
+    name = sys.argv.pop(1) if len(sys.argv) > 1 else ""
+    if name not in NODES:
+        sys.stderr.write(f"{name!r} is no node; there are: {', '.join(NODES)}\n")
+        return InputError.exit_code
+    return run_node(name)
+
+
+if __name__ == "__main__":
+    leave(_named())
