@@ -13,8 +13,9 @@ def load(name: str) -> ModuleType:
 
     What an import makes is never garbage; frozen, later collections do not look at it either.
     """
-    if name in sys.modules:
-        return sys.modules[name]
+    known = sys.modules.get(name)
+    if known is not None:  # None stands for what may not be imported
+        return known
     collects = gc.isenabled()
     gc.disable()
     try:
