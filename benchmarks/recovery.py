@@ -1,9 +1,11 @@
 """How often a hidden effect's values lie within their intervals, by effect and mechanism.
 
 Each machine is drawn by the simulator with one effect in it, measured by a plan, and fitted with
-that effect in the chain, its settings known (`make recovery`, or --robots, --causes, --seeds):
+that effect in the chain, its shape begun at the true one and sought like any other (`make
+recovery`, or --robots, --causes, --seeds):
 
-    inside      share of the values within 1.96 stated standard deviations, 95 % where all is right
+    inside      share of the values within 1.96 standard deviations as a verdict states them, with
+                what the shape leaves open; 95 % where all is right
     spread      root mean square of (found - true) / standard deviation: 1 where all is right
     told        share of the values whose interval is narrower than half of what was expected
 
@@ -25,7 +27,7 @@ from numpy.typing import NDArray
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.extension import covariance_of
+from delta_calibration.diagnosis.findings import spread_of
 from delta_calibration.diagnosis.model import Model
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.errors import DataError, ReachError
@@ -50,10 +52,13 @@ def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[f
     (hidden,) = machine.chain.effects
     effect = effect_named(cause, robot, start.bare.mechanism, hidden.settings)
     every = tuple(range(len(effect.parameters)))
-    model = start.fitted((Candidate(cause, effect.kind, None, effect, every),))
+    term = Candidate(cause, effect.kind, None, effect, every)
+    model = min(
+        (begin.fitted((term,)) for begin in (start, *start.elsewhere())), key=lambda m: m.misfit
+    )
     assert isinstance(model, Model)
-    own = model.layout.effects
-    std = np.sqrt(np.diag(covariance_of(model))[own])
+    own, (found,) = model.layout.effects, model.terms
+    std = spread_of(model.evidence, model, found)[0] * effect.parameters.prior
     true = machine.theta[machine.chain.layout.effects]
     error = (model.theta[own] - true) / std
     return name, cause, error.tolist(), (std / effect.parameters.prior).tolist()

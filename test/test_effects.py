@@ -268,6 +268,18 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
             assert begin <= end
 
 
+@each_effect
+def test_a_shape_goes_no_further_than_a_file_may_hold(model: str, cause: str) -> None:
+    """However often a search steps on from the end of one interval into the next."""
+    for shape in built(model, cause).shapes(replace(AT, **UNKNOWN["sensors"])):
+        for end in (1, 2):
+            now = shape
+            for _ in range(30):
+                ends = {interval[0]: interval[end] for interval in now.bounded_intervals()}
+                now = replace(now, **ends)
+            assert now.wrong() == ""
+
+
 def test_a_play_is_crossed_over_its_gap_and_never_over_less_than_nothing() -> None:
     effect = built(MODELS[0], "backlash").refined(np.array([3e-4, -1e-4, 0.0]))
     assert effect.settings == {"width": (3e-4, 0.0, 0.0), "held_by": 0.0}

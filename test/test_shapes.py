@@ -83,3 +83,20 @@ def test_columns_of_a_field_are_differences_of_the_signal(fitted):
     found = shape_columns(term, evidence, scaled)
     assert found.shape == (evidence.size, 1)
     np.testing.assert_allclose(found[:, 0], expected, atol=2e-2 * np.abs(expected).max())
+
+
+def test_what_a_time_constant_leaves_open_is_in_the_growth():
+    """Two hours tell a growth by the clock and its time constant apart only roughly."""
+    robot, cause, z = load_robot("srbd"), "thermal_growth_forearm", []
+    for seed in (41, 42, 43, 44):
+        machine = draw_machine(robot, seed, hidden={cause: {"strength": "1.0"}})
+        plan = make_plan("rich", robot, seed=seed)
+        seen = survey(simulate_session(machine, plan, seed), robot.joints.names)
+        start = calibrated(seen, robot, machine.chain.mechanism.name)
+        (hidden,) = machine.chain.effects
+        effect = effect_named(cause, robot, start.bare.mechanism, hidden.settings)
+        model = start.fitted((Candidate(cause, effect.kind, None, effect, (0,)),))
+        own = model.layout.effects
+        error = model.theta[own] - machine.theta[machine.chain.layout.effects]
+        z.append(float(error[0] / np.sqrt(covariance_of(model)[own, own][0, 0])))
+    assert np.abs(z).max() < 2.3

@@ -227,9 +227,10 @@ def test_backlash_parts_the_two_sides_by_the_gap():
     np.testing.assert_allclose(above - below, want, atol=1e-7)
 
 
-def test_backlash_is_carried_from_leg_to_leg():
+@pytest.mark.parametrize("cause", ["backlash", "stick_slip", "joint_lag", "timestamp_latency"])
+def test_what_was_there_at_rest_is_carried_from_leg_to_leg(cause):
     """The command stands still from the end of a leg to the begin of the next, and so does all."""
-    session = measured("backlash")
+    session = measured(cause)
     command, point = session.command.position, session.tracker.position
     begins = np.flatnonzero(np.diff(NUMBER)) + 1
     held = begins[(command[begins] == command[begins - 1]).all(axis=1)]

@@ -112,8 +112,7 @@ def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:
     """How a candidate's signal goes with its searched fields, whitened, (d n, fields).
 
-    In units of the spread of a field that lies anywhere in its interval: what a shape that was
-    found leaves open is a nuisance of prior precision 1.
+    In units of the spread of a field that lies anywhere in its interval.
 
     Args:
         candidate: in the shape that was found.
@@ -123,7 +122,7 @@ def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array
     effect, columns = candidate.effect, [np.zeros((evidence.size, 0))]
     if effect is None:
         return columns[0]
-    for name, low, high in effect.intervals():
+    for name, low, high in effect.bounded_intervals():
         at, step = getattr(effect, name), _STEP * (high - low)
         ends = np.clip([at - step, at + step], low, high)
         fields: list[dict[str, Any]] = [{name: float(end)} for end in ends]
@@ -132,6 +131,24 @@ def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array
         spread = (high - low) / np.sqrt(12)  # of a uniform distribution
         columns.append(((after - before) * spread / np.ptp(ends))[:, None])
     return np.concatenate(columns, axis=1)
+
+
+def shape_precision(candidate: Candidate, evidence: LinearizedModel) -> Array:
+    """Prior precision of the searched fields, in units of `shape_columns`, (fields,).
+
+    What a shape that was found leaves open is a nuisance. Beforehand it was anywhere that the
+    search looks: of N values, an interval reaches from one neighbour to the other, so that all of
+    them are as wide as (N + 1) / 2, in whatever scale they are spaced.
+    """
+    effect = candidate.effect
+    if effect is None:
+        return np.zeros(0)
+    tried: dict[str, set[float]] = {name: set() for name, _, _ in effect.bounded_intervals()}
+    for shape in effect.shapes(evidence.at) if tried else ():
+        for name in tried.keys() & {name for name, _, _ in shape.intervals()}:
+            tried[name].add(getattr(shape, name))
+    width = (np.array([max(1, len(values)) for values in tried.values()]) + 1) / 2
+    return np.asarray(1 / width**2)
 
 
 def typical_of(candidate: Candidate) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import shape_columns
+from delta_calibration.diagnosis.candidates import shape_columns, shape_precision
 from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.fitted import without_effects
 from delta_calibration.diagnosis.geometry import as_known
@@ -100,7 +100,9 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
     searched = model.terms if shapes else ()
     signals = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
     opened = np.concatenate([np.zeros((evidence.size, 0)), *signals], axis=1)
-    known, size = evidence.beside(Plain(opened), np.ones(opened.shape[1])), len(evidence.precision)
+    sure = [shape_precision(m, model.evidence) for m in searched]
+    known = evidence.beside(Plain(opened), np.concatenate([np.zeros(0), *sure]))
+    size = len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
     whole[base, base] = problem.basis[base, base]

@@ -15,6 +15,7 @@ from delta_calibration.diagnosis.candidates import (
     columns_of,
     products_of,
     shape_columns,
+    shape_precision,
 )
 from delta_calibration.diagnosis.columns import Columns, Plain
 from delta_calibration.diagnosis.constants import (
@@ -236,10 +237,10 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     """
     columns = products_of(term, evidence)
     shapes = shape_columns(term, evidence, model.scaled(term))
-    misfit, count = max(1.0, model.misfit), shapes.shape[1]
+    misfit, known = max(1.0, model.misfit), shape_precision(term, evidence)
     values = evidence.beside(columns, np.full(columns.width, PRECISION))
-    open_shape = np.linalg.inv(values.information(shapes) / misfit + np.eye(count))
-    evidence = evidence.beside(Plain(shapes), np.ones(count))
+    open_shape = np.linalg.inv(values.information(shapes) / misfit + np.diag(known))
+    evidence = evidence.beside(Plain(shapes), known)
     normal = evidence.information_of(columns) + PRECISION * np.eye(columns.width)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()
@@ -261,7 +262,7 @@ def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:
     if effect is None:
         return {}
     shape: dict[str, Estimate | str] = {}
-    for (name, low, high), share in zip(effect.intervals(), spread, strict=True):
+    for (name, low, high), share in zip(effect.bounded_intervals(), spread, strict=True):
         told, unit = effect.told[name]
         std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
         shape[told] = Estimate(float(getattr(effect, name)), std, effect.unit_of(unit))

@@ -321,16 +321,18 @@ def _reached(effect: Effect, other: Effect) -> bool:
     """Whether another shape lies within the intervals of an effect, or is a value's own."""
     if effect.refined(np.zeros(len(effect.parameters))) is not effect:
         return True
-    searched = {name for name, _, _ in effect.intervals()}
+    searched = {name for name, _, _ in effect.bounded_intervals()}
     own, shape = effect.settings, other.settings
     fixed = all(shape[name] == own[name] for name in own if name not in searched)
-    within = (low <= getattr(other, name) <= high for name, low, high in effect.intervals())
+    within = (
+        low <= getattr(other, name) <= high for name, low, high in effect.bounded_intervals()
+    )
     return fixed and all(within)
 
 
 def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
     """The best shape within the intervals about a term's, one field after the other."""
-    intervals = () if term.effect is None else term.effect.intervals()
+    intervals = () if term.effect is None else term.effect.bounded_intervals()
     if not intervals:
         return term
     about = Shapes.of(evidence)
@@ -363,7 +365,7 @@ def _ahead(about: Shapes, term: Candidate) -> Candidate:
     step = np.linalg.lstsq(evidence.information(both), both.T @ weighed, rcond=None)[0]
     fields: dict[str, Any] = {}
     for (name, low, high), share in zip(
-        term.effect.intervals(), step[columns.shape[1] :, 0], strict=True
+        term.effect.bounded_intervals(), step[columns.shape[1] :, 0], strict=True
     ):
         to = getattr(term.effect, name) + share * (high - low) / np.sqrt(12)
         fields[name] = float(np.clip(to, low, high))

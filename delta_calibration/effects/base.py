@@ -267,6 +267,17 @@ class Effect(ABC):
         """Searched fields, and the bounds within which the best shape lies about this one."""
         return ()
 
+    def bounded_intervals(self) -> tuple[Interval, ...]:
+        """The same as far as the limits of its settings reach: a file can hold no more."""
+        within = ((name, *self._within(name, low, high)) for name, low, high in self.intervals())
+        return tuple((name, low, high) for name, low, high in within if low < high)
+
+    def _within(self, name: str, low: float, high: float) -> tuple[float, float]:
+        if name not in self.limits:
+            return low, high
+        least, most = self._limits(name)
+        return max(low, least), min(high, most)
+
     # what searched fields are called in a verdict, and their unit; the joints' for "rad"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {}
 

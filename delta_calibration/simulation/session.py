@@ -112,7 +112,8 @@ def _motion(
     payload = np.concatenate([np.full(len(way.time), way.payload) for way in ways])
     kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
     n = len(payload)
-    moving = ~np.concatenate([way.resting for way in ways])[:, None]  # a move ends softly
+    # moves begin and end softly: where joints stand, a difference to a neighbour is no speed
+    moving = np.concatenate([_started(way) & ~way.resting[:, None] for way in ways])
     conditions = Conditions(
         joint=np.concatenate([way.joint for way in ways]),
         time=time[kept],
