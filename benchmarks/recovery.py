@@ -40,14 +40,16 @@ Array = NDArray[np.float64]
 FIRST_SEED = 90_000
 STRENGTH = "1.0"  # typical sizes
 INSIDE = 1.96
+RICH_PERIOD = 38.0  # [s] from stop to stop, as `delta-cal simulate --plan rich` has it
 
 
 def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[float]]:
     """Errors of one machine's values in standard deviations, and those in expected sizes."""
     robot = load_robot(name)
     machine = draw_machine(robot, seed, hidden={cause: {"strength": STRENGTH}})
-    plan = make_plan("rich" if name == "srbd" else "identify", robot, seed=seed)
-    seen = survey(simulate_session(machine, plan, seed), robot.joints.names)
+    plan, period = ("rich", RICH_PERIOD) if name == "srbd" else ("identify", 0.0)
+    session = simulate_session(machine, make_plan(plan, robot, seed=seed), seed, period=period)
+    seen = survey(session, robot.joints.names, robot.commanded.joint_size)
     start = calibrated(seen, robot, machine.chain.mechanism.name)
     (hidden,) = machine.chain.effects
     effect = effect_named(cause, robot, start.bare.mechanism, hidden.settings)

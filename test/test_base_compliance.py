@@ -36,6 +36,17 @@ def test_it_is_named_with_its_figures(name: str) -> None:
     assert verdict.extended.held_out_rms_mm < 0.6 * verdict.calibrated.held_out_rms_mm
 
 
+def test_feet_are_tried_no_deeper_than_a_file_may_say(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also under a platform that hangs far down."""
+    robot = load_robot("srbd")
+    effect = effect_named(CAUSE, robot, robot.model(), {})
+    monkeypatch.setattr(type(effect), "_reach", 4.4)
+    tried = list(effect.shapes(at_rest(np.zeros((2, 3)))))
+    assert max(shape.depth for shape in tried) == effect.limits["depth"][1]
+    assert [shape.wrong() for shape in tried] == [""] * len(tried)
+    assert all(low <= s.depth <= high for s in tried for _, low, high in s.bounded_intervals()[:1])
+
+
 def test_feet_below_lead_a_load_outwards_and_what_gives_above_it_inwards() -> None:
     """Rods, drives and mounts in the plane of the drives, of like size, do nearly the same."""
     robot = load_robot("srbd")

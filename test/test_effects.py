@@ -272,6 +272,7 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
 def test_a_shape_goes_no_further_than_a_file_may_hold(model: str, cause: str) -> None:
     """However often a search steps on from the end of one interval into the next."""
     for shape in built(model, cause).shapes(replace(AT, **UNKNOWN["sensors"])):
+        assert shape.wrong() == ""
         for end in (1, 2):
             now = shape
             for _ in range(30):

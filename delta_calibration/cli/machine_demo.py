@@ -253,7 +253,7 @@ def _moments(robot: Robot, seed: int) -> Conditions:
     joint = np.concatenate([way.joint for way in ways])
     time = begin + np.concatenate([way.time for way in ways])
     motion = motion_of(time, joint, robot.commanded.joint_size)
-    moving = ~np.concatenate([way.resting for way in ways])
+    moving = np.concatenate([way.moving for way in ways])
     first = sum(lengths[:-1])
     stops = np.cumsum(lengths)[: len(plan)] - 1
     rows = np.concatenate([stops, first + np.flatnonzero(moving[first:])[::_EACH]])

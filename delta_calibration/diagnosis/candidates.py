@@ -133,24 +133,6 @@ def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array
     return np.concatenate(columns, axis=1)
 
 
-def shape_precision(candidate: Candidate, evidence: LinearizedModel) -> Array:
-    """Prior precision of the searched fields, in units of `shape_columns`, (fields,).
-
-    What a shape that was found leaves open is a nuisance. Beforehand it was anywhere that the
-    search looks: of N values, an interval reaches from one neighbour to the other, so that all of
-    them are as wide as (N + 1) / 2, in whatever scale they are spaced.
-    """
-    effect = candidate.effect
-    if effect is None:
-        return np.zeros(0)
-    tried: dict[str, set[float]] = {name: set() for name, _, _ in effect.bounded_intervals()}
-    for shape in effect.shapes(evidence.at) if tried else ():
-        for name in tried.keys() & {name for name, _, _ in shape.intervals()}:
-            tried[name].add(getattr(shape, name))
-    width = (np.array([max(1, len(values)) for values in tried.values()]) + 1) / 2
-    return np.asarray(1 / width**2)
-
-
 def typical_of(candidate: Candidate) -> Array:
     """Typical sizes of the free parameters, (k,); of a dimension 1: its tolerance."""
     if candidate.effect is None:

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.diagnosis.candidates import shape_columns, shape_precision
+from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.columns import Plain
-from delta_calibration.diagnosis.fitted import without_effects
+from delta_calibration.diagnosis.fitted import beside, without_effects
 from delta_calibration.diagnosis.geometry import as_known
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.model import Model
+from delta_calibration.diagnosis.open_shapes import OpenShape, open_shape
 from delta_calibration.estimation import (
     DIAGNOSIS,
     Effort,
@@ -98,10 +99,11 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
     """
     evidence, problem = model.beside, model.extended
     searched = model.terms if shapes else ()
-    signals = [shape_columns(m, model.evidence, model.scaled(m)) for m in searched]
-    opened = np.concatenate([np.zeros((evidence.size, 0)), *signals], axis=1)
-    sure = [shape_precision(m, model.evidence) for m in searched]
-    known = evidence.beside(Plain(opened), np.concatenate([np.zeros(0), *sure]))
+    misfit = max(1.0, model.misfit)
+    left = [_left_open(model, m, misfit) for m in searched]
+    opened = np.concatenate([np.zeros((evidence.size, 0)), *(o.columns for o in left)], axis=1)
+    sure = np.concatenate([np.zeros(0), *(o.precision for o in left)])
+    known = evidence.beside(Plain(opened), sure)
     size = len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))
@@ -113,7 +115,13 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
         else:
             whole[entries(own)[rows], columns] = term.effect.parameters.prior[rows]
     spread = known.covariance()[:size, :size]
-    return np.asarray(whole @ spread @ whole.T * max(1.0, model.misfit))
+    return np.asarray(whole @ spread @ whole.T * misfit)
+
+
+def _left_open(model: Model, term: Candidate, misfit: float) -> OpenShape:
+    """What is left open of a term's shape, beside the other terms."""
+    others = tuple(m for m in model.terms if m is not term)
+    return open_shape(term, beside(model.evidence, others), model.scaled(term), misfit)
 
 
 def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:

@@ -14,8 +14,6 @@ from delta_calibration.diagnosis.candidates import (
     bounds_of,
     columns_of,
     products_of,
-    shape_columns,
-    shape_precision,
 )
 from delta_calibration.diagnosis.columns import Columns, Plain
 from delta_calibration.diagnosis.constants import (
@@ -55,6 +53,7 @@ from delta_calibration.diagnosis.geometry import (
     without_geometry,
 )
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.open_shapes import open_shape
 from delta_calibration.diagnosis.rivals import Rivalry, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
 from delta_calibration.diagnosis.search import SearchResult
@@ -236,11 +235,11 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     types A and B).
     """
     columns = products_of(term, evidence)
-    shapes = shape_columns(term, evidence, model.scaled(term))
-    misfit, known = max(1.0, model.misfit), shape_precision(term, evidence)
+    misfit = max(1.0, model.misfit)
     values = evidence.beside(columns, np.full(columns.width, PRECISION))
-    open_shape = np.linalg.inv(values.information(shapes) / misfit + np.diag(known))
-    evidence = evidence.beside(Plain(shapes), known)
+    left = open_shape(term, evidence, model.scaled(term), misfit)
+    of_shape = np.linalg.inv(values.information(left.columns) / misfit + np.diag(left.precision))
+    evidence = evidence.beside(Plain(left.columns), left.precision)
     normal = evidence.information_of(columns) + PRECISION * np.eye(columns.width)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()
@@ -248,7 +247,7 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
         moved = evidence.columns(doubt)[:, list(term.rows)] @ model.scaled(term)
         off = np.linalg.solve(normal, columns.along(evidence.weigh(moved[:, None])))[:, 0]
         variance = variance + off**2
-    return np.sqrt(variance), np.sqrt(np.diag(open_shape))
+    return np.sqrt(variance), np.sqrt(np.diag(of_shape))
 
 
 def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:

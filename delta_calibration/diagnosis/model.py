@@ -147,7 +147,9 @@ class Model(Fitted):
         if noise.floor > QUIETER * self.floor:
             return self
         problem = replace(self.problem, measured=problem.measured)
-        return solved(self.survey, replace(self.cell, noise=noise), problem)
+        quiet = solved(self.survey, replace(self.cell, noise=noise), problem)
+        explained = np.maximum(quiet.cell.weight, found.cell.weight)  # no gross errors
+        return replace(quiet, cell=replace(quiet.cell, weight=explained), seen=None)
 
     def everything(self) -> Model:
         """The same fit, with poses that it set aside as gross errors to be looked at again."""

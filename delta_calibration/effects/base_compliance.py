@@ -106,8 +106,9 @@ class BaseCompliance(Effect):
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Feet near and far below all that moves, near to each other and far apart."""
         del at
+        deepest = self.limits["depth"][1]
         for below, radius in product(_BELOW, _RADII):
-            yield replace(self, depth=self._reach + below, radius=radius)
+            yield replace(self, depth=min(self._reach + below, deepest), radius=radius)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Between the neighbours of the search; below all that moves."""

@@ -57,6 +57,17 @@ class Leg:
     resting: NDArray[np.bool_]  # (k,) whether the command stands still
     payload: float  # [kg]
 
+    @property
+    def started(self) -> NDArray[np.bool_]:
+        """Samples since the first in motion, (k,): before, joints stand as they came."""
+        off = (self.joint != self.joint[0]).any(axis=1)
+        return np.asarray(np.logical_or.accumulate(off))
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """Samples in motion, (k,): the first sample of a move stands, it begins softly."""
+        return np.asarray(self.started & ~self.resting)
+
 
 def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> Iterator[Leg]:
     """The plan as motion, sampled at `rate` [1/s]: one leg for each stop, one for each path."""

@@ -71,7 +71,7 @@ def simulate_session(
         begin, end = end, end + len(way.time)
         here = at.take(slice(begin, end))
         rest = machine.rest_error(rng)
-        error = np.where(_started(way), rest, rest if rested is None else rested)
+        error = np.where(way.started[:, None], rest, rest if rested is None else rested)
         actual, rested = replace(here, joint=way.joint + error), rest
         encoders.append(machine.encoders(way.joint, rng))
         points.append(_readings(machine, actual, rng, plan))
@@ -92,12 +92,6 @@ def simulate_session(
     )
 
 
-def _started(way: Leg) -> NDArray[np.bool_]:
-    """Samples of a leg since the first in motion, (n, 1): before, joints stand as they came."""
-    off = (way.joint != way.joint[0]).any(axis=1)
-    return np.asarray(np.logical_or.accumulate(off)[:, None])
-
-
 def _motion(
     plan: Plan, machine: TrueMachine, rate: float, period: float, climate: Climate
 ) -> tuple[Sequence[Leg], Conditions, JointStream]:
@@ -113,7 +107,7 @@ def _motion(
     kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
     n = len(payload)
     # moves begin and end softly: where joints stand, a difference to a neighbour is no speed
-    moving = np.concatenate([_started(way) & ~way.resting[:, None] for way in ways])
+    moving = np.concatenate([way.moving for way in ways])[:, None]
     conditions = Conditions(
         joint=np.concatenate([way.joint for way in ways]),
         time=time[kept],
