@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from delta_calibration.data import survey
-from delta_calibration.diagnosis import calibrated
+from delta_calibration.diagnosis import calibrated, diagnose
 from delta_calibration.diagnosis.candidates import Candidate, shape_columns
 from delta_calibration.diagnosis.extension import covariance_of
 from delta_calibration.diagnosis.findings import shape_of, spread_of
@@ -145,6 +147,39 @@ def test_poses_that_a_cause_explains_are_not_set_aside_when_the_noise_is_found_s
     again = quiet.fitted(model.terms)
     assert (again.cell.weight > 0).all()
     assert again.terms[0].effect.step_at == pytest.approx(model.terms[0].effect.step_at, abs=30.0)
+
+
+@pytest.mark.parametrize("early", [620.0, 1240.0])
+def test_a_joint_that_slipped_early_is_named_and_its_few_poses_are_no_outliers(early):
+    """Ten or twenty of two hundred poses lie half a millimetre off all others, all alike."""
+    robot, hidden = load_robot("srbd"), {"strength": "6.0", "step_at": str(early)}
+    machine = draw_machine(robot, 41, hidden={"joint_zero_drift": hidden})
+    session = simulate_session(machine, make_plan("rich", robot, seed=41), 41, period=60.0)
+    found = diagnose(survey(session, robot.joints.names), robot)
+    (finding,) = found.verdict.findings
+    assert finding.cause == "joint_zero_drift"
+    said = finding.shape["step_at_s"]
+    assert abs(said.value - early) < 1.96 * said.std
+    assert not found.verdict.unknown_structure.found
+    assert found.verdict.session.rejected["unlike_the_model"] == 0
+    true = machine.theta[machine.chain.layout.effects]
+    told = [finding.parameters[f"drift_{i}"] for i in (1, 2, 3)]
+    assert max(abs(t.value - v) / t.std for t, v in zip(told, true, strict=True)) < 4
+
+
+def test_outliers_that_are_alike_and_no_cause_explains_stay_out():
+    """A reflector that was off its nest by a centimetre for ten poses: no joint does that."""
+    robot = load_robot("srbd")
+    machine = draw_machine(robot, 41)
+    session = simulate_session(machine, make_plan("rich", robot, seed=41), 41, period=60.0)
+    seen = survey(session, robot.joints.names)
+    point = seen.poses.point.copy()
+    point[60:70] += [0.004, -0.008, 0.005]
+    seen = replace(seen, poses=replace(seen.poses, point=point))
+    found = diagnose(seen, robot)
+    out = found.verdict.session.rejected["unlike_the_model"]
+    assert out == seen.poses.count[60:70].sum()  # readings
+    assert found.verdict.findings == ()
 
 
 def test_a_search_stays_within_what_a_file_may_hold():

@@ -278,7 +278,7 @@ class Fitted(ABC):
         evidence = beside(self.evidence, (*terms[:i], *terms[i + 1 :]))
         about = Shapes.of(evidence)
         gains = gains_of(about, others)
-        best = _first_of_the_best(gains)
+        best = _middle_of_the_best(gains)
         return others[best] if gains[best] > NEARLY * gain_of(about, term) else None
 
     def sharpened(self) -> tuple[Candidate, ...]:
@@ -382,7 +382,7 @@ def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
         fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
         shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
         gains = gains_of(about, shapes)
-        top = _first_of_the_best(gains)
+        top = _middle_of_the_best(gains)
         term = shapes[top]
         low, high = values[max(0, top - 1)], values[min(top + 1, _POINTS - 1)]
     best = float(values[top])
@@ -393,9 +393,11 @@ def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
     return replace(term, effect=effect)
 
 
-def _first_of_the_best(gains: Array) -> int:
-    """The first that does as much as the best: rounding must not choose among steps in one gap."""
-    return int(np.argmax(gains >= gains.max() * (1 - _SAME)))
+def _middle_of_the_best(gains: Array) -> int:
+    """The middle of the first in a row that do as much as the best, as moments in one gap do."""
+    best = np.append(gains >= gains.max() * (1 - _SAME), False)
+    first = int(np.argmax(best))
+    return first + int(np.argmin(best[first:]) - 1) // 2
 
 
 def _vertex(before: float, top: float, after: float) -> float:

@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Survey
 from delta_calibration.diagnosis.candidates import Candidate, products_of, typical_of
-from delta_calibration.diagnosis.constants import FAIR, LACKING, OTHER_FLOOR, QUIETER, STRAYED
+from delta_calibration.diagnosis.constants import (
+    FAIR,
+    GROSS,
+    LACKING,
+    OTHER_FLOOR,
+    QUIETER,
+    STRAYED,
+)
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
@@ -197,11 +204,28 @@ def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
     Shapes that go with values (the width of a play) are set to them on the way.
     """
-    now = _stepped(_sharpened(_at_nothing(model, terms)))
+    now = _begun(_at_nothing(model, terms))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
     # the first cause that comes in may have held the offset on another floor of its valley
     now = _settled(replace(now, cell=cell, terms=now.refined()), not model.terms)
     return _joined(now) if len(model.survey.paths) else now
+
+
+def _begun(model: Model) -> Model:
+    """A first step, searched fields of the shapes where they do most.
+
+    Poses that were set aside may be what a strong cause does: a moment is sought with them, too.
+    """
+    begun = _stepped(_sharpened(model))
+    everything = model.everything()
+    if everything is model or begun.terms is model.terms:
+        return begun
+    return min(begun, _stepped(_sharpened(everything)), key=_left)
+
+
+def _left(model: Model) -> float:
+    """Chi square of the poses, each of gross errors counted as the least such."""
+    return float(np.minimum(np.sum(_residual(model) ** 2, axis=1), GROSS**2).sum())
 
 
 def _at_nothing(model: Model, terms: tuple[Candidate, ...]) -> Model:

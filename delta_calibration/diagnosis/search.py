@@ -16,6 +16,8 @@ import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, all_columns
 from delta_calibration.diagnosis.constants import (
+    ALPHA,
+    GROSS,
     LACKING,
     LOOKED_AT,
     MOST,
@@ -38,6 +40,7 @@ from delta_calibration.diagnosis.model_selection import (
 )
 from delta_calibration.diagnosis.scan import THREADS, Scan, reshaped, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
+from delta_calibration.diagnosis.set_aside import Aside, set_aside
 from delta_calibration.effects import Effect
 
 
@@ -95,9 +98,11 @@ def find(
         begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been refused; nothing of the same cause is tried.
     """
-    starts = (model, *(() if begin else model.elsewhere()))
+    whole = None if begin else _with_outliers(model, rng)
+    starts = (model, *(() if begin else model.elsewhere()), *(() if whole is None else (whole,)))
     scans = [scanned(start, effects, rng).without(gone) for start in starts]
-    bare, first = min(zip(starts, scans, strict=True), key=_left_by_the_best)
+    every = zip(starts, scans, strict=True)
+    bare, first = min(every, key=lambda begun: _left_by_the_best(begun[0], begun[1], whole))
     model, here, swaps, fits = bare, first, SWAPS, _Fits(bare)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
@@ -334,8 +339,23 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
     return instead
 
 
-def _left_by_the_best(begun: tuple[Fitted, Scan]) -> float:
-    """Chi square per degree of freedom that the best single explanation leaves."""
-    model, here = begun
+def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted | None:
+    """The fit with the poses that it set aside, where these are off alike; None elsewhere.
+
+    A joint that slipped early leaves a few poses far off all others: one cause, no gross errors.
+    """
+    alike = Aside.of(model, rng).alike
+    return model.everything() if alike is not None and alike < ALPHA else None
+
+
+def _left_by_the_best(model: Fitted, here: Scan, whole: Fitted | None) -> float:
+    """Chi square per degree of freedom that the best single explanation leaves.
+
+    Args:
+        model: a fit.
+        here: what could explain what it leaves.
+        whole: a fit that sets no pose aside, where others do; each of theirs leaves a gross error.
+    """
     gain = max((score.gain for score in here.scores), default=0.0)
-    return model.misfit - gain / model.beside.degrees
+    out = 0 if whole is None else set_aside(model.evidence, whole.evidence).size
+    return float(model.misfit + (GROSS**2 * out - gain) / model.beside.degrees)
