@@ -46,6 +46,17 @@ def test_two_causes_are_named(seed: int, hidden: tuple[tuple[str, float], ...]):
     assert not said["unknown"]
 
 
+def test_lags_of_all_joints_beside_a_late_clock_are_told_as_its_equivalent():
+    """What they have in common is a late clock: only their differences show, here of one joint.
+
+    The clock's latency was stated 18 standard deviations off, with nothing said.
+    """
+    said = trial(856780, ("timestamp_latency", 236.42), ("joint_lag", 594.33))
+    clock = next(f for f in said["findings"] if f["cause"] == "timestamp_latency")
+    assert "joint_lag" in clock["equivalents"]
+    assert any({"timestamp_latency", "joint_lag"} <= set(some) for some in said["cannot_tell"])
+
+
 def test_causes_take_the_places_of_two_maps_that_drew_them():
     """Beside a map over time a drift has no shape of its own to be found by."""
     trial, _ = scaled(Task("pair", *PAIRS[0]))

@@ -50,7 +50,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))
     others = [s for s in tried if not s.candidate.same_cause(term)]
-    others = [s for s in others if not any(s.candidate.same_cause(m) for m in rest)]
+    others = [s for s in others if not any(_within(s.candidate, m) for m in rest)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     same = equivalents(evidence, signal, others, max(1.0, model.misfit))
     causes = {term.cause, *(candidate.cause for candidate in same)}
@@ -59,6 +59,14 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
         equivalents=same,
         signal=length,
     )
+
+
+def _within(candidate: Candidate, term: Candidate) -> bool:
+    """Whether a term explains all that a candidate of the same cause could.
+
+    One joint's lag beside a late clock does not: lags of all joints may be what both are.
+    """
+    return candidate.same_cause(term) and set(candidate.rows) <= set(term.rows)
 
 
 def named(signal: float) -> float:
