@@ -1,4 +1,4 @@
-"""What to do about a finding: by the effect's own remedy, or by what a dimension asks for."""
+"""Recommended action for a finding: the remedy of its effect, or that of its dimension."""
 
 from __future__ import annotations
 
@@ -29,11 +29,12 @@ _OF_DIMENSIONS = {"joint_zero_offset": _ZERO, "smr_offset": _REFLECTOR}
 
 
 def action_of(term: Candidate, after_mm: float | None) -> Action:
-    """What to do about a cause, on which part, what is left then, and what would confirm it.
+    """Recommended action against a cause: remedy, part, remaining error and confirming test.
 
     Args:
         term: the cause.
-        after_mm: held-out error of the calibrated machine without the cause, nothing else done.
+        after_mm: held-out error [mm] once this cause alone is corrected; of a single dimension,
+            that of the nominal machine with this dimension corrected.
     """
     remedy = _remedy_of(term)
     part = remedy.part if term.location is None else f"{remedy.part} of {term.location}"

@@ -1,4 +1,4 @@
-"""What is tried as an explanation: effects with their shapes, single dimensions, smooth maps."""
+"""Candidate causes of the residuals: effects with their shapes, dimensions and smooth maps."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from delta_calibration.effects.unexplained import (
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-3  # of a searched field's interval, for differences
+_STEP = 1e-3  # step of finite differences, as a share of a searched field's interval
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An explanation: an effect in one shape, or a dimension that is out of its tolerance.
+    """A candidate cause: an effect in one shape, or a dimension that is out of its tolerance.
 
-    `rows` are the parameters that are free: of the effect, or of the mechanism's geometry where
-    there is no effect.
+    `rows` are the indices of the free parameters: those of the effect or, if there is no effect,
+    those of the mechanism's geometry.
     """
 
     cause: str
@@ -41,23 +41,23 @@ class Candidate:
 
     @property
     def unexplained(self) -> bool:
-        """Whether it is a smooth map, which explains nothing."""
+        """Whether it is a smooth map, which names no cause."""
         return self.cause == UNEXPLAINED
 
     @property
     def sized(self) -> bool:
-        """Whether nobody knows its size: a dimension has its tolerance, a map its own."""
+        """Whether its size is unknown; dimensions have their tolerance, maps a given size."""
         return self.effect is not None and not self.unexplained
 
     @property
     def forms(self) -> int:
-        """Sizes and widths of a map, among which the likeliest is taken; 1 of all else."""
+        """Number of sizes and widths of which the likeliest is taken for a map; otherwise 1."""
         family = self.effect.moves_with if self.unexplained and self.effect is not None else None
         return 1 if family is None else len(SIZES) * len(reaches(family))
 
     @property
     def label(self) -> str:
-        """For people: cause, and where."""
+        """Readable name: the cause and its location."""
         family = self.effect.moves_with if self.effect is not None else None
         if family is not None:
             return f"{self.cause} ({family})"
@@ -65,7 +65,7 @@ class Candidate:
 
     @property
     def key(self) -> str:
-        """What tells it from others, whatever its shape."""
+        """Key of the cause and its location, independent of the searched shape."""
         effect, rows = self.effect, self.rows
         located = self.location is not None
         whole = effect is not None and (located or len(rows) == len(effect.parameters))
@@ -73,12 +73,12 @@ class Candidate:
 
     @property
     def shape(self) -> Hashable:
-        """Label, parameters and settings, by which it differs from every other candidate."""
+        """Unique key of the candidate: its label, parameter indices and settings."""
         own = () if self.effect is None else tuple(self.effect.settings.items())
         return self.label, self.rows, own
 
     def same_cause(self, other: Candidate) -> bool:
-        """Whether both would be reported under one name."""
+        """Whether both would be reported under the same name."""
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
 
 
@@ -91,17 +91,17 @@ def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
 
 
 def all_columns(candidates: Sequence[Candidate], evidence: LinearizedModel) -> Columns:
-    """Those of some candidates one after the other, a map's as products, (d n, k)."""
+    """Concatenated whitened columns of some candidates, those of maps as products, (d n, k)."""
     return joined([products_of(candidate, evidence) for candidate in candidates])
 
 
 def moved_by(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:
-    """What it makes of the readings with values (k,) in units of its priors, (d n,)."""
+    """Whitened shift of the readings, (d n,), by values (k,) in units of the priors."""
     return products_of(candidate, evidence).times(scaled[:, None])[:, 0]
 
 
 def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
-    """Whitened columns of the candidate's free parameters, a map's as products, (d n, k)."""
+    """Whitened columns of the candidate's free parameters, (d n, k); of a map as products."""
     effect = candidate.effect
     whole = effect is not None and len(candidate.rows) == len(effect.parameters)
     if effect is not None and effect.by_functions and whole:
@@ -110,14 +110,14 @@ def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
 
 
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:
-    """How a candidate's signal goes with its searched fields, whitened, (d n, fields).
+    """Derivatives of a candidate's whitened signal by its searched fields, (d n, fields).
 
-    In units of the spread of a field that lies anywhere in its interval.
+    The unit of a field is its standard deviation if it is uniformly distributed in its interval.
 
     Args:
-        candidate: in the shape that was found.
-        evidence: of the session.
-        scaled: its values in units of their priors, (k,).
+        candidate: the cause in the shape that was found.
+        evidence: the linearized model of the session.
+        scaled: its parameter values in units of their priors, (k,).
     """
     effect, columns = candidate.effect, [np.zeros((evidence.size, 0))]
     if effect is None:
@@ -134,7 +134,7 @@ def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array
 
 
 def typical_of(candidate: Candidate) -> Array:
-    """Typical sizes of the free parameters, (k,); of a dimension 1: its tolerance."""
+    """Typical sizes of the free parameters, (k,); 1 for a dimension, which is its tolerance."""
     if candidate.effect is None:
         return np.ones(len(candidate.rows))
     return np.asarray(candidate.effect.parameters.prior[list(candidate.rows)])
@@ -150,7 +150,7 @@ def bounds_of(candidate: Candidate) -> tuple[Array, Array]:
 
 
 def subsets(effect: Effect) -> Iterator[Candidate]:
-    """An effect at all joints, in its parts and, where each has its own parameters, at one."""
+    """Candidates of an effect: all its parameters, its `alone` sets and each single location."""
     items, names = effect.parameters.items, effect.parameters.names
     places = list(dict.fromkeys(p.location for p in items))
     yield Candidate(effect.cause, effect.kind, None, effect, tuple(range(len(items))))
@@ -164,13 +164,13 @@ def subsets(effect: Effect) -> Iterator[Candidate]:
 
 
 def dimensions(evidence: LinearizedModel) -> Iterator[Candidate]:
-    """Each dimension of the machine by itself."""
+    """Each dimension of the machine as a candidate of its own."""
     for row, p in enumerate(evidence.chain.mechanism.parameters):
         yield Candidate(p.cause, "geometry", p.location, None, (row,))
 
 
 def maps(evidence: LinearizedModel, any_effect: Effect) -> Iterator[list[Candidate]]:
-    """Smooth maps of everything that structure could move with, each from slight to large."""
+    """Smooth maps over each variable that errors may depend on, each from small to large."""
     joint = evidence.at.joint[: evidence.poses]
     for family in families(evidence.at):
         for reach in reaches(family):

@@ -1,15 +1,15 @@
-"""Whitened columns of explanations, those of a smooth map as products never multiplied out.
+"""Whitened columns of candidate causes; those of a smooth map are kept as products.
 
-A map has functions phi of the sample, and moves every joint by each of them:
+A map has F functions phi of the sample and moves every joint j by each function f:
 
-    x_fj = m_j phi_f        m (n, d, m): whitened d(reading) by the joints,    phi (n, F)
+    x_fj = m_j phi_f        m (n, d, m): whitened d(reading)/d(joint),    phi (n, F)
 
-What is asked of its columns needs only sums over samples of small things,
+The inner products of its columns need only sums over the samples,
 
     x_fj' y = sum phi_f (m_j . y)        x_fj' x_gk = sum phi_f phi_g (m_j . m_k)
 
-and what they make of values is moved once, whatever the functions, where the columns themselves
-are hundreds, each as long as the session.
+and X v needs m only once for all functions. The columns themselves would be hundreds, each as
+long as the session.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ Samples = slice | NDArray[Any]  # indices or a mask
 
 
 class Columns(ABC):
-    """Some columns, k: each has d numbers for each of n samples."""
+    """A set of k columns, each with d numbers for each of n samples."""
 
     @property
     @abstractmethod
     def width(self) -> int:
-        """How many there are, k."""
+        """Number of columns, k."""
 
     @abstractmethod
     def along(self, y: Array) -> Array:
-        """Products X' y with other columns y (d n, j), (k, j)."""
+        """Products X' y with dense columns y (d n, j), (k, j)."""
 
     @abstractmethod
     def inner(self) -> Array:
@@ -48,15 +48,15 @@ class Columns(ABC):
 
     @abstractmethod
     def across(self, other: Columns) -> Array:
-        """Products X' Z with l others of any kind, (k, l)."""
+        """Products X' Z with l columns Z of any kind, (k, l)."""
 
     @abstractmethod
     def times(self, values: Array) -> Array:
-        """What they make of values (k, j), X v, (d n, j)."""
+        """Products X v with values v (k, j), (d n, j)."""
 
     @property
     def dense(self) -> Array:
-        """Multiplied out, (d n, k)."""
+        """The columns as a dense matrix, (d n, k)."""
         return self.times(np.eye(self.width))
 
     @abstractmethod
@@ -65,40 +65,40 @@ class Columns(ABC):
 
     @abstractmethod
     def through(self, m: Array) -> Array:
-        """What each sample gives to products with m f of any function f, m (n, d), (n, k)."""
+        """Products m . x of each sample with m (n, d), (n, k)."""
 
     def met(self, m: Array, functions: Array) -> Array:
-        """Products of these k columns with f m, (j, k): m (n, d), functions f (j, n)."""
+        """Products (f m)' X of columns f m, (j, k), with m (n, d) and functions f (j, n)."""
         return np.asarray(functions @ self.through(m))
 
     @property
     def flat(self) -> tuple[Columns, ...]:
-        """All of one kind each, one after the other but for their `order`."""
+        """Parts of one kind each; `order` gives the positions of the columns among them."""
         return (self,)
 
     @property
     def order(self) -> Index:
-        """Where each column stands among those of `flat`, (k,)."""
+        """Position of each column among the columns of `flat`, (k,)."""
         return np.arange(self.width)
 
     @abstractmethod
     def part(self, samples: Samples, d: int) -> Columns:
-        """Those of some of the samples, which have d numbers each."""
+        """The columns at some of the samples, which have d numbers each."""
 
     @abstractmethod
     def weighed(self, root: Array) -> Columns:
-        """With the samples' weights changed, their roots (n, 1, 1)."""
+        """The columns multiplied by `root` (n, 1, 1), the root of each sample's weight."""
 
 
 @dataclass(frozen=True)
 class Plain(Columns):
-    """Columns as they are."""
+    """Dense columns."""
 
     values: Array  # (d n, k)
 
     @property
     def width(self) -> int:
-        """How many there are."""
+        """Number of columns."""
         return int(self.values.shape[1])
 
     def along(self, y: Array) -> Array:
@@ -118,54 +118,54 @@ class Plain(Columns):
         return np.asarray(self.values @ values)
 
     def squares(self, d: int) -> Array:
-        """Squared length of each sample, (n,)."""
+        """Squared length of each sample over all columns, (n,)."""
         each = self.values.reshape(len(self.values) // d, d * self.width)
         return np.asarray(np.sum(each**2, axis=1))
 
     def through(self, m: Array) -> Array:
-        """m . x by sample, (n, k)."""
+        """Products m . x of each sample, (n, k)."""
         each = self.values.reshape(*m.shape, self.width)
         return np.asarray(np.einsum("nc,nck->nk", m, each))
 
     def part(self, samples: Samples, d: int) -> Plain:
-        """Those of some of the samples."""
+        """The columns at some of the samples."""
         each = self.values.reshape(len(self.values) // d, d, self.width)[samples]
         return Plain(each.reshape(len(each) * d, self.width))
 
     def weighed(self, root: Array) -> Plain:
-        """With the samples' weights changed."""
+        """The columns multiplied by the root of each sample's weight."""
         each = root * self.values.reshape(len(root), len(self.values) // len(root), self.width)
         return Plain(each.reshape(self.values.shape))
 
 
 @dataclass(frozen=True)
 class Product(Columns):
-    """Columns x_fj = m_j phi_f, those of one function after those of another."""
+    """Columns x_fj = m_j phi_f, sorted by function f, then by joint j."""
 
     moved: Array  # (n, d, m)
     functions: Array  # (n, F)
 
     @property
     def width(self) -> int:
-        """How many there are: F m."""
+        """Number of columns, F m."""
         return int(self.functions.shape[1] * self.moved.shape[2])
 
     def along(self, y: Array) -> Array:
         """X' y, (k, j)."""
         n, d, _ = self.moved.shape
-        if y.shape[1] == 1:  # of thousands of little products each takes a call
+        if y.shape[1] == 1:  # matmul would make thousands of calls for small matrices
             moved = np.einsum("ncm,nc->nm", self.moved, y.reshape(n, d))
             return np.asarray(self.functions.T @ moved).reshape(self.width, 1)
         by_joints, each = self.moved.swapaxes(1, 2), y.reshape(n, d, -1)
         found = np.empty((self.functions.shape[1], self.moved.shape[2], y.shape[1]))
-        for begin in range(0, y.shape[1], _AT_A_TIME):  # what they move is as many sessions
+        for begin in range(0, y.shape[1], _AT_A_TIME):  # in blocks: `moved` is large
             moved = by_joints @ each[..., begin : begin + _AT_A_TIME]
             along = self.functions.T @ moved.reshape(n, -1)
             found[..., begin : begin + _AT_A_TIME] = along.reshape(*found.shape[:2], -1)
         return found.reshape(self.width, -1)
 
     def inner(self) -> Array:
-        """X' X, (k, k): by 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2, half the work."""
+        """X' X, (k, k); 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2 halves the work."""
         moved, count = self.moved, self.functions.shape[1]
         m = moved.shape[2]
         found = np.empty((count, m, count, m))
@@ -178,7 +178,7 @@ class Product(Columns):
         return found.reshape(self.width, self.width)
 
     def _squared(self, moved: Array) -> Array:
-        """Products of functions, weighed by what they move each sample by, (n, d)."""
+        """Products of the functions, (F, F), each sample weighted by |moved|^2, moved (n, d)."""
         weighed = np.sqrt(np.einsum("nc,nc->n", moved, moved))[:, None] * self.functions
         return np.asarray(weighed.T @ weighed)
 
@@ -189,37 +189,37 @@ class Product(Columns):
         return np.asarray(other.across(self).T)
 
     def times(self, values: Array) -> Array:
-        """X v, (d n, j): how much of each joint the functions make, then what that moves."""
+        """X v, (d n, j): first the joint displacements, then the shift of the readings by them."""
         n, d, m = self.moved.shape
         each = self.functions @ values.reshape(self.functions.shape[1], -1)
         return np.asarray(self.moved @ each.reshape(n, m, -1)).reshape(n * d, -1)
 
     def squares(self, d: int) -> Array:
-        """Squared length of each sample, (n,)."""
+        """Squared length of each sample over all columns, (n,)."""
         moved = np.sum(self.moved**2, axis=(1, 2))
         return np.asarray(moved * np.sum(self.functions**2, axis=1))
 
     def through(self, m: Array) -> Array:
-        """m . x by sample, (n, k)."""
+        """Products m . x of each sample, (n, k)."""
         moved = np.einsum("nc,ncm->nm", m, self.moved)
         return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
 
     def met(self, m: Array, functions: Array) -> Array:
-        """Products with functions that move by m, (j, k); moved once for all of its own."""
+        """Products (f m)' X, (j, k); m . m_j is computed once for all functions phi."""
         moved = np.einsum("nc,ncm->mn", m, self.moved)
         found = [(each * functions) @ self.functions for each in moved]
         return np.stack(found, axis=-1).reshape(len(functions), -1)
 
     def part(self, samples: Samples, d: int) -> Product:
-        """Those of some of the samples."""
+        """The columns at some of the samples."""
         return Product(self.moved[samples], self.functions[samples])
 
     def weighed(self, root: Array) -> Product:
-        """With the samples' weights changed."""
+        """The columns multiplied by the root of each sample's weight."""
         return Product(root * self.moved, self.functions)
 
     def _products(self, other: Product) -> Array:
-        """X' Z, by the pairs of joints; those of one machine are the same both ways round."""
+        """X' Z by pairs of joints; symmetric in the pair if both use the same `moved`."""
         pairs = self.moved.swapaxes(1, 2) @ other.moved
         m, others = pairs.shape[1:]
         found = np.empty((self.functions.shape[1], m, other.functions.shape[1], others))
@@ -235,14 +235,14 @@ class Product(Columns):
 
 @dataclass(frozen=True)
 class Joined(Columns):
-    """Some columns in an order of their own: what is plain all in one, each product by itself."""
+    """Columns of several parts in a given order: one part for all dense ones, one a product."""
 
     parts: tuple[Columns, ...]
-    stand: Index  # (k,) where each column stands among those of the parts
+    stand: Index  # (k,) position of each column among those of the parts
 
     @property
     def width(self) -> int:
-        """How many there are."""
+        """Number of columns."""
         return len(self.stand)
 
     def along(self, y: Array) -> Array:
@@ -275,42 +275,42 @@ class Joined(Columns):
         return np.asarray(sum(made))
 
     def squares(self, d: int) -> Array:
-        """Squared length of each sample, (n,)."""
+        """Squared length of each sample over all columns, (n,)."""
         return np.asarray(sum(part.squares(d) for part in self.parts))
 
     def through(self, m: Array) -> Array:
-        """m . x by sample, (n, k)."""
+        """Products m . x of each sample, (n, k)."""
         return np.concatenate([part.through(m) for part in self.parts], axis=1)[:, self.stand]
 
     @property
     def flat(self) -> tuple[Columns, ...]:
-        """Those of its parts."""
+        """The parts."""
         return self.parts
 
     @property
     def order(self) -> Index:
-        """Where each column stands among theirs, (k,)."""
+        """Position of each column among those of the parts, (k,)."""
         return self.stand
 
     def part(self, samples: Samples, d: int) -> Joined:
-        """Those of some of the samples."""
+        """The columns at some of the samples."""
         return replace(self, parts=tuple(part.part(samples, d) for part in self.parts))
 
     def weighed(self, root: Array) -> Joined:
-        """With the samples' weights changed."""
+        """The columns multiplied by the root of each sample's weight."""
         return replace(self, parts=tuple(part.weighed(root) for part in self.parts))
 
     @cached_property
     def _begin(self) -> tuple[int, ...]:
-        """Where the columns of each begin, and where all end."""
+        """Index of the first column of each part, then the number of columns."""
         return tuple(np.cumsum([0, *(part.width for part in self.parts)]).tolist())
 
 
 def joined(every: Sequence[Columns]) -> Columns:
-    """All of some columns, one after the other."""
+    """Concatenate several sets of columns."""
     if len(every) == 1:
         return every[0]
-    begin, flat = 0, []  # all of one kind, and where its columns are to stand
+    begin, flat = 0, []  # part of one kind, and where its columns go
     for columns in every:
         order, at = columns.order, 0
         for part in columns.flat:

@@ -1,12 +1,12 @@
-"""How well some samples part two explanations of what they say.
+"""How well some samples distinguish two candidate causes.
 
-With G their information beside geometry and frame, and v the parameters of the first at a typical
-size,
+With G the information matrix of their parameters after projecting out geometry and frame, and v
+the parameters of the first at a typical size,
 
     lambda = E v' (G_11 - G_12 (G_22 + L)^-1 G_21) v        cos^2 = 1 - lambda / E v' G_11 v
 
-lambda is the signal that the second cannot take over, and cos what of the signal it can: 1 where
-both move the samples alike. L keeps the second to sizes that are to be expected.
+lambda is the part of the signal that the second cannot imitate, cos the part that it can: 1 if
+both change the samples in the same way. L is the prior precision of the second's parameters.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Contrast:
-    """How far apart two explanations are."""
+    """How well two candidates can be distinguished."""
 
     cosine: float
-    signal: float  # lambda of the first beside the second
+    signal: float  # lambda of the first after projecting out the second
 
     @property
     def parted(self) -> bool:
-        """Whether a typical size of the first would be told from the second."""
+        """Whether the first, of typical size, would be distinguished from the second."""
         return self.cosine < SAME and self.signal >= NAMED
 
 
 @dataclass(frozen=True)
 class Pair:
-    """A first explanation, and a second or, where that is None, the geometry alone."""
+    """Two candidates to distinguish; a second of None stands for the geometry alone."""
 
     first: Candidate
     second: Candidate | None
 
     @property
     def outside(self) -> str:
-        """What would part them that no motion of the cell can; empty where nothing is known."""
+        """What would separate them that no motion of the cell can; empty if nothing is known."""
         effects = (c.effect for c in (self.first, self.second) if c is not None)
         known = (effect.outside for effect in effects if effect is not None and effect.outside)
         return next(known, "")
 
     def nuisance(self, size: int) -> Mask:
-        """Which of the unknowns that all samples share are not asked about, (size,)."""
+        """Mask of the nuisance parameters among the unknowns that all samples share, (size,)."""
         nuisance = np.ones(size, dtype=bool)
         for candidate in (self.first, self.second):
             if candidate is not None and candidate.effect is None:
@@ -66,15 +66,15 @@ class Pair:
         return np.concatenate([columns_of(c, evidence) for c in both], axis=1)
 
     def products(self, evidence: LinearizedModel) -> Products:
-        """Of the columns of both."""
+        """Inner products of the columns of both candidates."""
         return Products.of(evidence, self.columns(evidence))
 
     def contrast(self, products: Products, precision: Array, geometry: slice) -> Contrast:
-        """Of samples with these products.
+        """Contrast of the pair for samples with these inner products.
 
         Args:
-            products: of this pair, over any samples.
-            precision: of what the samples share, (s,).
+            products: inner products of this pair, over any samples.
+            precision: prior precision of the unknowns that the samples share, (s,).
             geometry: which of those are the mechanism's dimensions.
         """
         alone, left = self.signals(products, precision, geometry)
@@ -85,7 +85,7 @@ class Pair:
     def signals(
         self, products: Products, precision: Array, geometry: slice
     ) -> tuple[float, float]:
-        """Signal of the first by itself, and beside the second."""
+        """Signal (lambda) of the first by itself, and after projecting out the second."""
         nuisance = self.nuisance(len(precision))
         k = len(self.first.rows)
         information = products.information(precision, nuisance)
@@ -102,7 +102,7 @@ class Pair:
 
 
 def _typical(candidate: Candidate) -> Array:
-    """E v v' of parameters at their prior: of either sign where they may have it, (k, k)."""
+    """E v v' of parameters at their prior, of either sign unless bounded below by 0, (k, k)."""
     mean = np.zeros(len(candidate.rows))
     if candidate.effect is not None:
         items = candidate.effect.parameters.items

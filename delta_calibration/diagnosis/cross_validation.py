@@ -1,8 +1,8 @@
-"""What an explanation is worth on data that the fit has not seen.
+"""Cross-validation of candidate causes on data that the fit has not seen.
 
-Sectors of the workspace are held out in turn, then stretches of time, which hold the payload's and
-the temperature's blocks. A cause has to foretell in each what was learned of it in the others; how
-much nearer the predictions then are, between the error before and the noise, is its gain.
+Sectors of the workspace are held out in turn, then stretches of time, which hold the blocks of
+payload and temperature. A cause that is fitted to the others has to predict each of them. Its gain
+is the share that it removes of the avoidable error: the error before, less the noise.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from delta_calibration.diagnosis.scores import change, most_likely
 
 Array = NDArray[np.float64]
 
-_CELL = 0.05  # [m]
-_FLAT = 0.05  # of its width: a workspace that is thinner seen from above is an upright plane
+_CELL = 0.05  # [m] edge of the cells of `scattered`
+_FLAT = 0.05  # share of its width below which a workspace, seen from above, is an upright plane
 _DRAWS = 400
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Squared distance between predicted and measured, each sample by a fit without its part."""
+    """Squared 3-D distance of measured and predicted, each sample by a fit without its part."""
 
-    square: Array  # (n,) [m^2]; of what was set aside too, where that was looked at
-    part: NDArray[np.int64]  # (n,) which part it was held out with
+    square: Array  # (n,) [m^2]; includes set-aside samples if `whole` was given
+    part: NDArray[np.int64]  # (n,) number of the part it was held out with
 
     def rms(self, rows: NDArray[np.bool_]) -> float:
         """Root mean square of the 3-D distance over some samples [m]."""
@@ -39,14 +39,14 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Gain:
-    """How much of the avoidable error a term takes away, held out."""
+    """Share of the avoidable held-out error that a term removes."""
 
     before: float  # [m]
     after: float  # [m]
-    share: float  # 1 is all but the noise
+    share: float  # of the avoidable squared error; 1: only noise remains
     low: float  # of the 95 % interval of `share`
     high: float
-    in_motion: bool = False  # told of readings on paths, as the term does not show at rest
+    in_motion: bool = False  # errors of readings on paths, as the term does not show at rest
 
 
 def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
@@ -55,7 +55,7 @@ def sectors(evidence: LinearizedModel) -> NDArray[np.int64]:
 
 
 def sectors_of_motion(evidence: LinearizedModel) -> NDArray[np.int64]:
-    """The same, but of the readings in motion: these may all lie in one sector of the poses."""
+    """Sectors with equal numbers of readings in motion, which may all lie in one pose sector."""
     moving = np.arange(len(evidence)) >= evidence.poses
     return np.where(moving, _sectors(evidence, moving), sectors(evidence))
 
@@ -66,10 +66,11 @@ def _sectors(evidence: LinearizedModel, even: NDArray[np.bool_]) -> NDArray[np.i
 
 
 def bearings(place: Array) -> Array:
-    """Direction in which places (n, 3) [m] of the base's frame lie, (n,) [rad].
+    """Bearing of places (n, 3) [m] in the base frame, (n,) [rad].
 
-    About z; of a machine that works in an upright plane, in that plane about its middle: about z
-    all places would have one of two bearings. Of places on a line it is how far along [m].
+    The bearing is about z. For a machine that works in an upright plane it is taken in that plane
+    about its middle: about z all places would have one of two bearings. For places on a line it is
+    the position along the line [m].
     """
     about = place - place.mean(axis=0)
     spread, ways = _spread(about)
@@ -82,7 +83,7 @@ def bearings(place: Array) -> Array:
 
 
 def _spread(about: Array) -> tuple[Array, Array]:
-    """How far places (n, d) [m] lie about their middle, largest first, and in which directions."""
+    """Singular values (d,) [m] of centred places (n, d), largest first, and their axes (d, d)."""
     square, ways = np.linalg.eigh(about.T @ about)
     return np.sqrt(np.maximum(square[::-1], 0.0)), ways.T[::-1]
 
@@ -94,13 +95,13 @@ def stretches(evidence: LinearizedModel) -> NDArray[np.int64]:
 
 
 def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
-    """One of five parts for each cell of the workspace, (n,); neighbours are in different ones."""
+    """One of five parts for each cell of the workspace, (n,); cells that share a face differ."""
     cell = np.round(evidence.chain.mechanism.position(evidence.pose) / _CELL).astype(np.int64)
     return np.asarray((cell @ np.array([1, 2, 4])) % PARTS)
 
 
 def learnable(evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]) -> bool:
-    """Whether each part leaves enough of what sets k columns to the others."""
+    """Whether the information on each of k columns remains large enough without any one part."""
     whole = np.diag(evidence.information_of(columns))
     if len(np.unique(part)) < 2:
         return not (whole > 0).any()
@@ -114,9 +115,9 @@ def held_out(
     """Predict every part by a fit to the others.
 
     Args:
-        evidence: of all samples, what the fit may use in its nuisance.
-        part: what is held out together, (n,).
-        whole: the same with what the fits do not believe, to be predicted as well.
+        evidence: linearized model of all samples; the fit may use everything in its nuisance.
+        part: number of the part that each sample is held out with, (n,).
+        whole: the same including samples that the fits set aside, to be predicted as well.
     """
     square, misfit = np.full(len(evidence), np.nan), evidence.misfit
     whole = evidence if whole is None else whole
@@ -134,21 +135,21 @@ def foretold(
     bounds: tuple[Array, Array],
     part: NDArray[np.int64],
 ) -> float:
-    """Share of what columns explain that they foretell, 1 where nothing but noise is in the way.
+    """Share of the explained chi square that columns also predict; 1 if only noise is in the way.
 
-    0 where they explain nothing, as of values at their bounds.
+    0 if they explain nothing, for example with values at their bounds.
 
-    Every part is predicted with the values v that the others give; with D the decrease of chi
-    square, that of the part is what p(part | others, v) grows by, all that the nuisance may do
-    taken into account:
+    Every part is predicted with the values v fitted to the others. With D the decrease of chi
+    square, the decrease of the part is the growth of ln p(part | others, v), doubled, with the
+    nuisance parameters marginalized:
 
         sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
 
     Args:
         evidence: of all samples.
-        columns: of an explanation, k.
-        bounds: of its values, (k,) each.
-        part: what is held out together, (n,).
+        columns: the k columns of a candidate.
+        bounds: lower and upper bounds of its values, (k,) each.
+        part: number of the part that each sample is held out with, (n,).
     """
     information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
@@ -168,9 +169,9 @@ def _along(evidence: LinearizedModel, columns: Columns) -> Array:
 def _without_each(
     evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]
 ) -> Iterator[tuple[LinearizedModel, Columns, Array]]:
-    """Without each part the evidence, its columns and their information, (k, k).
+    """Yield, without each part in turn, the evidence, its columns and their information (k, k).
 
-    A part's products are taken from those of all, which are worked out once.
+    The products of a part are subtracted from those of all samples, which are computed once.
     """
     inner, across = columns.inner(), evidence.possible.across(columns)
     for number in np.unique(part):
@@ -191,15 +192,15 @@ def gain(
     place: NDArray[np.int64],
     rng: np.random.Generator,
 ) -> Gain:
-    """Compare two models on the same held-out samples; intervals are from a bootstrap over places.
+    """Gain of one model over another on the same held-out samples, with a bootstrap over places.
 
     Args:
-        before: without the term.
-        after: with it.
+        before: held-out errors without the term.
+        after: held-out errors with it.
         noise: variance of a reading's 3-D distance, (n,) [m^2].
-        rows: samples whose error is told, (n,).
-        place: samples of one place go together, (n,).
-        rng: of the bootstrap.
+        rows: mask of the samples whose error is reported, (n,).
+        place: number of each sample's place, (n,); samples of one place are drawn together.
+        rng: random generator of the bootstrap.
     """
     numbers, which = np.unique(place, return_inverse=True)
     metres = (np.where(rows, v, 0.0) for v in (before.square, after.square, noise))
@@ -217,7 +218,7 @@ def gain(
 
 
 def _share(totals: Array) -> Array:
-    """Of the error that is not noise, what is gone; (k, 3) before, after, noise -> (k,)."""
+    """Share of the avoidable error that is removed; (k, 3) before, after, noise -> (k,)."""
     before, after, noise = totals[:, 0], totals[:, 1], totals[:, 2]
     avoidable = np.maximum(before - noise, 0.05 * before)
     return np.asarray(np.clip((before - after) / avoidable, -1.0, 1.0))

@@ -1,7 +1,7 @@
 """From a session to a verdict, in eight steps.
 
 1 clean, 2 baseline, 3 candidates, 4 classes, 5 several effects, 6 confirmation on held-out data,
-7 audit of what is left, 8 what cannot be told and what to measure next.
+7 audit of the residuals, 8 what cannot be identified and what to measure next.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 from delta_calibration.wording import listed, spoken
 
-FEWEST = 12  # different places
+FEWEST = 12  # different places that a session must have
 _REFUSED = (
     "{} is not in the extended calibration, because held-out poses are predicted worse with it"
 )
@@ -57,22 +57,22 @@ _NEVER_TURNED = "the probe's rotation never changes, so it is filled in: only po
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The verdict, and the model that it extends the calibration to."""
+    """The verdict, and the extended model with its calibration."""
 
     verdict: Verdict
     model: Model
     found: SearchResult
     audit: ResidualTests
-    held: HeldOutModels  # the errors that the verdict tells, pose by pose
-    before: HeldOut  # those of the baseline
-    after: HeldOut  # those of the extended model
+    held: HeldOutModels  # the held-out errors of the verdict, pose by pose
+    before: HeldOut  # held-out errors of the baseline
+    after: HeldOut  # held-out errors of the extended model
     refused: tuple[Candidate, ...]  # found, but it makes predictions worse: not shipped
-    laws: tuple[Likely, ...]  # of what has no name, likeliest first
-    identification: Identification  # the same model as a fit has it, effects in its chain
+    laws: tuple[Likely, ...]  # of the unknown structure, likeliest first
+    identification: Identification  # the extended model in the form of a fit
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What to know before it is relied on, a sentence each; none where all is well."""
+        """Warnings to heed before using the result, one sentence each; empty if there are none."""
         poses, robot = self.model.survey.poses, self.model.cell.robot
         unturned = never_turned(poses, robot, self.model.bare)
         refused = listed(spoken(term.label) for term in self.refused)
@@ -98,19 +98,18 @@ def diagnose(
     step: Callable[[str], None] = lambda name: None,
     population: Population | None = None,
 ) -> Diagnosis:
-    """Say why the robot does not stand where its model says.
+    """Find the causes of a robot's pose errors in a measured session.
 
     Args:
         survey: poses and paths of a session.
         robot: drawing, tolerances, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        effects: what is tried, one at least; the whole catalogue where not given.
-        seed: of bootstraps.
-        calibration: what the robot is compensated by; held against the session as the baseline in
-            the place of the drawing.
-        step: is told of each of `STEPS` as it begins.
-        population: of the machines of this type: its dimensions take the place of the tolerances,
-            and causes that are frequent in it are found sooner than others.
+        effects: candidate effects, at least one; the whole catalogue if not given.
+        seed: seed of the random numbers.
+        calibration: active calibration of the robot; it is the baseline instead of the drawing.
+        step: progress callback, called with each of `STEPS` as it begins.
+        population: statistics of the machines of this type: its dimensions replace the tolerances,
+            and causes that are frequent in it are found more easily than others.
 
     Raises:
         DataError: too few different poses, or of another robot.
@@ -155,26 +154,26 @@ def diagnose_observations(
     seed: int = 0,
     step: Callable[[str], None] = lambda name: None,
 ) -> Judgement:
-    """Say what a geometric model leaves out of observations of any kinds.
+    """Find the causes that a geometric model lacks, from observations of any kinds.
 
-    The same steps as of a session: what is tried, how it is charged, what has to be borne out.
+    The steps are those of a session: same candidates, penalties and confirmation on held-out data.
 
     Args:
-        measured: observations and under which conditions each was taken.
+        measured: observations and the conditions under which each was taken.
         mechanism: drawing and priors.
-        robot: what effects read of the machine.
-        frame: `T_device_base` to start from, where a device measures.
-        stated: whether the noise that the observations state is known; else its factor is found.
-        further: what else could be measured, in words, with made-up values: what the verdict
-            proposes is chosen from it, the first that does.
-        effects: what is tried, one at least; where not given the whole catalogue, what acts on
-            a tracker's readings where there is nothing else.
-        seed: of bootstraps.
-        step: is told of each of `STEPS` as it begins.
+        robot: machine data that the effects read.
+        frame: start value of `T_device_base`, if a device measures.
+        stated: whether the stated noise of the observations is right; else a factor is estimated.
+        further: measurements that could be added, in words, with made-up values; the verdict
+            proposes the first of them that separates the causes.
+        effects: candidate effects, at least one; if not given, the whole catalogue, but those that
+            act on a tracker's readings only if all observations are such readings.
+        seed: seed of the random numbers.
+        step: progress callback, called with each of `STEPS` as it begins.
 
     Raises:
         InputError: no observation, or of a kind that has several sets of joints.
-        DataError: samples out of reach, or no rest.
+        DataError: samples out of reach, or a fit that does not converge.
     """
     step(STEPS[0])
     with one_thread():  # the search has threads of its own (`search.py`)
@@ -193,14 +192,14 @@ def calibrated(
     fewest: int = FEWEST,
     population: Population | None = None,
 ) -> Model:
-    """The machine with its geometry identified and nothing else in the chain.
+    """The machine with its geometry identified and no effects in the chain.
 
     Args:
         survey: poses and paths of a session.
         robot: drawing, tolerances, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        fewest: different places that the session has to have.
-        population: of the machines of this type, in the place of the tolerances.
+        fewest: least number of different places in the session.
+        population: statistics of the machines of this type, instead of the tolerances.
 
     Raises:
         DataError: too few different poses, or of another robot.
@@ -221,7 +220,7 @@ def calibrated(
 
 
 def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> HeldOut:
-    """What the calibration in force foretells, placed where it fits best."""
+    """Held-out errors of the active calibration in its best-fit frame."""
     placed = start.registered(calibration.geometry)
     fits, shown = (
         _less_effects(as_known(of), calibration) for of in (placed, placed.everything())
@@ -230,7 +229,7 @@ def _in_force(calibration: Calibration, start: Model, held: HeldOutModels) -> He
 
 
 def _less_effects(evidence: LinearizedModel, calibration: Calibration) -> LinearizedModel:
-    """The evidence less what the effects of a calibration say of it."""
+    """The evidence with the effects of a calibration subtracted from its residuals."""
     known = np.zeros(evidence.size)
     values = calibration.chain.effect_values(calibration.theta)
     for effect, value in zip(calibration.chain.effects, values, strict=True):

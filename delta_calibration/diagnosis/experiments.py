@@ -1,7 +1,7 @@
-"""What to measure next so that two explanations part, by computation.
+"""Choose the next experiment that separates two candidate causes.
 
-The samples that an experiment would add are put beside those of the session, and the contrast of
-the two explanations is taken over all of them. The cheapest experiment that is enough is proposed.
+The samples that an experiment would add are joined to those of the session, and the contrast of
+the two candidates is computed over all of them. The cheapest sufficient experiment is proposed.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ NOT_SAID = "no further measurements were offered"
 NONE_OF_IT = "none of the offered measurements would separate them"
 ALREADY = "the measurements already separate them"
 _OVER = {1: "", 3: ", three times over", 10: ", ten times over"}
-_ON_PATHS = 400  # samples of a session's paths that are looked at
+_ON_PATHS = 400  # about as many samples of a session's paths are used
 
 
 def next_experiment(evidence: LinearizedModel, first: Candidate, second: Candidate | None) -> str:
-    """The cheapest experiment after which two explanations part, in words.
+    """The cheapest experiment that separates two candidates, in words.
 
-    For many pairs on one session `Outlook` saves most of the work.
+    For many pairs of one session, `Outlook` saves most of the work.
 
     Args:
-        evidence: of the session; what stands beside the geometry in it is not carried over.
-        first: what is to be seen.
-        second: what it is to be parted from; None for the geometry alone.
+        evidence: of the session; terms in its nuisance are not extended to new samples.
+        first: candidate that is to be detected.
+        second: candidate that it is to be separated from; None for the geometry alone.
     """
     effects = [c.effect for c in (first, second) if c is not None and c.effect is not None]
     robot = effects[0].robot if effects else None
@@ -51,9 +51,9 @@ def next_experiment(evidence: LinearizedModel, first: Candidate, second: Candida
 
 
 def visibility(evidence: LinearizedModel, effect: Effect) -> tuple[float, float]:
-    """Signal of an effect of typical size beside the frame alone, and beside the geometry too.
+    """Signal (lambda) of an effect of typical size, beside the frame, and beside the geometry too.
 
-    Each parameter is at its prior, with either sign where it may have both.
+    Each parameter is at its prior, with either sign if its bounds allow both.
     """
     rows = tuple(range(len(effect.parameters)))
     pair = Pair(Candidate(effect.cause, effect.kind, None, effect, rows), None)
@@ -65,20 +65,20 @@ def visibility(evidence: LinearizedModel, effect: Effect) -> tuple[float, float]
 
 @dataclass(frozen=True)
 class Outlook:
-    """A session and all that could be measured next, ready for any pair of explanations."""
+    """A session and all experiments that could follow it, ready for any pair of candidates."""
 
     measured: LinearizedModel
-    foreseen: LinearizedModel  # of all experiments
-    sentences: tuple[str, ...]  # of each experiment, the cheapest first
-    number: Index  # (n,) of the experiment that each foreseen sample belongs to
+    foreseen: LinearizedModel  # evidence of the samples of all experiments
+    sentences: tuple[str, ...]  # description of each experiment, the cheapest first
+    number: Index  # (n,) index of the experiment of each foreseen sample
 
     @classmethod
     def on(cls, evidence: LinearizedModel, robot: Robot | None = None) -> Outlook:
-        """What could be measured after a session.
+        """Outlook on the experiments that could follow a session.
 
         Args:
-            evidence: of the session.
-            robot: whose joint limits hold; where not given, joints go no farther than they did.
+            evidence: linearized model of the session.
+            robot: gives the joint limits; if None, the ranges of the session are the limits.
         """
         measured = prepared(evidence)
         if measured.further is not None:
@@ -100,23 +100,23 @@ class Outlook:
     def _said(
         cls, measured: LinearizedModel, further: Sequence[tuple[str, LinearizedModel]]
     ) -> Outlook:
-        """By what it was said could be measured."""
+        """Outlook on the measurements that the caller offers."""
         number = np.repeat(np.arange(len(further)), [len(evidence) for _, evidence in further])
         foreseen = pooled([evidence for _, evidence in further] or [measured])
         return cls(measured, foreseen, tuple(words for words, _ in further), number)
 
     def next_experiment(self, first: Candidate, second: Candidate | None) -> str:
-        """The cheapest experiment after which two explanations part, in words.
+        """The cheapest experiment that separates two candidates, in words.
 
-        A dimension is parted from an effect by what shows the effect: any one dimension can hide
-        among the others within their tolerances.
+        To separate a dimension from an effect, the experiment must show the effect: any single
+        dimension can hide among the others within their tolerances.
         """
         pair = Pair(first, second)
         if first.effect is None and second is not None and second.effect is not None:
             pair = Pair(second, first)
         options = list(self.options(pair))
         parted = (sentence for sentence, contrast in options if contrast.parted)
-        # Where nothing else is in question, an effect that is seen is enough.
+        # If there is no second candidate, it is enough that the effect is detected.
         seen = (s for s, contrast in options if pair.second is None and contrast.signal >= NAMED)
         nothing = NOTHING
         if self.measured.further is not None:
@@ -124,11 +124,11 @@ class Outlook:
         return next(chain(parted, seen), pair.outside or nothing)
 
     def options(self, pair: Pair) -> Iterator[tuple[str, Contrast]]:
-        """As measured, with each experiment, and with each done several times over.
+        """Contrast as measured, with each experiment, and with each repeated several times.
 
-        The cosine is the one that there would be if as much were measured this way as was so far:
-        it says what kind of difference an experiment makes, lambda how much. A signal that was
-        too much like the second explanation's does not count, only what the experiment adds.
+        The cosine is computed as if at least as many samples as in the session were measured this
+        way: it tells what kind of difference an experiment makes, lambda how much. If the session
+        cannot separate the two, its signal does not count, only what the experiment adds.
         """
         precision, geometry = self._shared
         measured = pair.products(self.measured)
@@ -146,24 +146,24 @@ class Outlook:
 
     @property
     def _shared(self) -> tuple[Array, slice]:
-        """Precision of what all samples share, and which of it is geometry."""
+        """Prior precision of the unknowns that all samples share, and the geometry's slice."""
         layout = self.measured.chain.layout
         return self.measured.precision[layout.base], layout.geometry
 
     def _added(self, columns: Array, number: int) -> Products:
-        """What one experiment tells of columns over all of them, (d n, k)."""
+        """Inner products of one experiment, from columns (d n, k) over all experiments."""
         rows = np.flatnonzero(self.number == number)
         own = Plain(columns).part(rows, self.foreseen.coordinates)
         return Products.of(self.foreseen.take(rows), own.values)
 
 
 def prepared(evidence: LinearizedModel) -> LinearizedModel:
-    """The evidence with what it lacks taken for none, and a part of its paths for all of them."""
+    """The evidence with unknown payloads set to zero and the samples of its paths thinned out."""
     return _thinned(_filled(evidence))
 
 
 def _filled(evidence: LinearizedModel) -> LinearizedModel:
-    """The evidence as if an unknown payload were none."""
+    """The evidence with unknown payloads set to zero."""
     at = evidence.at
     if np.isfinite(at.payload).all():
         return evidence
@@ -174,7 +174,7 @@ def _filled(evidence: LinearizedModel) -> LinearizedModel:
 
 
 def _thinned(evidence: LinearizedModel) -> LinearizedModel:
-    """All believed poses, and every so many samples of the paths in place of as many."""
+    """All accepted poses, and every k-th accepted path sample with k times the weight."""
     good = np.flatnonzero(evidence.believed)
     resting, moving = good[good < evidence.poses], good[good >= evidence.poses]
     every = max(1, len(moving) // _ON_PATHS)

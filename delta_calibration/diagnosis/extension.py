@@ -1,4 +1,4 @@
-"""The calibration that a diagnosis extends the model to, in the form that a fit gives."""
+"""The extended calibration of a diagnosis, in the form of a fit's result."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ Array = NDArray[np.float64]
 
 
 def extended(model: Model, seed: int) -> Identification:
-    """Geometry, frame and the terms' effects with their covariance.
+    """Identified geometry, frame and effects of the terms, with their covariance.
 
     Args:
         model: the machine with its terms.
-        seed: of the diagnosis, and of the parts that the error left is told by.
+        seed: seed of the diagnosis, and of the parts held out for the error left.
     """
     problem, poses, before = model.extended, model.survey.poses, model.registered()
     chain, base = problem.chain, model.problem.chain
@@ -51,7 +51,7 @@ def extended(model: Model, seed: int) -> Identification:
     drawing[model.problem.layout.chain] = base.join(geometry, base.offset, frame)
     unscaled = replace(model.problem, basis=np.eye(len(drawing)))
     nominal = base.mechanism.forward(poses.joint, geometry)
-    # by the poses alone, as a fit places the drawing: one error before either
+    # placed by the poses alone, as in a fit: both state the same error before
     drawn, beside = as_known(before).take(np.arange(len(poses))), model.beside
     missed_before, missed = (_held_out(e, model, seed) for e in (drawn, beside))
     return Identification(
@@ -88,14 +88,14 @@ def extended(model: Model, seed: int) -> Identification:
 
 
 def covariance_of(model: Model, shapes: bool = True) -> Array:
-    """Covariance of theta given data and priors, (P, P); of what is not free it is zero.
+    """Covariance of theta given data and priors, (P, P); zero for entries that are not free.
 
     Args:
         model: the machine with its terms.
-        shapes: whether fields of the effects that were searched (a frequency, a time constant) are
-            as uncertain as the data leave them, which is what a parameter's interval contains. Of
-            a position they are no part: an amplitude follows its frequency, and where was measured
-            both together are wrong by less than either.
+        shapes: whether to include the uncertainty of the effects' searched fields (a frequency, a
+            time constant), as in a parameter's interval. The uncertainty of a position leaves it
+            out: an amplitude follows its frequency, and at the measured places both together are
+            wrong by less than either.
     """
     evidence, problem = model.beside, model.extended
     searched = model.terms if shapes else ()
@@ -119,15 +119,15 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
 
 
 def _left_open(model: Model, term: Candidate, misfit: float) -> OpenShape:
-    """What is left open of a term's shape, beside the other terms."""
+    """Uncertainty of the searched fields of a term's shape, beside the other terms."""
     others = tuple(m for m in model.terms if m is not term)
     return open_shape(term, beside(model.evidence, others), model.scaled(term), misfit)
 
 
 def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
-    """Measured less predicted by a fit to the other parts, (n, 3) [m]; readings in motion help.
+    """Measured less predicted by a fit to the other parts and all motions, (n, 3) [m].
 
-    Linear about the fit, as all of a diagnosis is. NaN rows of poses that do not count.
+    Linearized about the fit, as all of a diagnosis. NaN rows for poses that do not count.
     """
     part = parts_of(model.survey.poses, seed)
     rows, misfit = _counted(evidence), evidence.misfit
@@ -140,7 +140,7 @@ def _held_out(evidence: LinearizedModel, model: Model, seed: int) -> Array:
 
 
 def _missed(evidence: LinearizedModel, model: Model) -> Missed:
-    """What every pose was missed by, as if the fit had taken up nothing of it."""
+    """Studentized residuals of the poses that count, as if the fit had absorbed none of them."""
     poses, rows = model.survey.poses, _counted(evidence)
     root = np.sqrt(max(1.0, evidence.misfit))
     residual = evidence.residual[rows] / root
@@ -161,7 +161,7 @@ def _counted(evidence: LinearizedModel) -> NDArray[np.intp]:
 
 
 def _residuals(evidence: LinearizedModel, missed: Array, model: Model) -> Residuals:
-    """The same figures as of a fit, of the same poses in the same parts."""
+    """Residual figures as defined for a fit, over the same poses in the same parts."""
     rows = _counted(evidence)
     fitted = evidence.missed(evidence.best(evidence.misfit))[rows]
     whiten = model.problem.whiten[rows, :3, :3]

@@ -1,4 +1,4 @@
-"""What is said of a term: cause, place, values with errors, how sure, and its gain held out."""
+"""Findings of a verdict: cause, location, values with errors, confidence and held-out gain."""
 
 from __future__ import annotations
 
@@ -69,10 +69,10 @@ MM = 1e3
 
 
 class HeldOutModels:
-    """Held-out errors of one model after another; each is predicted once."""
+    """Held-out errors of several models; each model is predicted only once."""
 
     def __init__(self, model: Fitted) -> None:
-        """Of the models about one fit."""
+        """Prepare the parts and masks for models about one fit."""
         self.evidence = evidence = model.evidence
         self.whole = model.everything().evidence
         self.sectors, self.stretches = sectors(evidence), stretches(evidence)
@@ -84,7 +84,7 @@ class HeldOutModels:
         self._known: dict[tuple[int, ...], HeldOut] = {}
 
     def terms(self, terms: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
-        """With these terms beside the geometry."""
+        """Held-out errors of the geometry with these terms."""
         key = (id(part), *(id(m) for m in terms))
         if key not in self._known:
             whole = beside(self.whole, terms)
@@ -92,18 +92,18 @@ class HeldOutModels:
         return self._known[key]
 
     def placed(self, machine: Fitted) -> HeldOut:
-        """Of a machine as it is known, placed anew without each sector."""
+        """Held-out errors of a known machine, whose placement is fitted without each sector."""
         return held_out(as_known(machine), self.sectors, as_known(machine.everything()))
 
     def told(self, name: str, held: HeldOut) -> Held:
-        """What a verdict says of a model: its error, and the same with what was set aside."""
+        """Held-out error of a model for the verdict, also with the poses that were set aside."""
         whole = MM * held.rms(self.poses | self.aside) if self.aside.any() else None
         return Held(name, self.mm(held), whole)
 
     def gain(
         self, before: HeldOut, after: HeldOut, columns: Columns, rng: np.random.Generator
     ) -> Gain:
-        """What the change is worth where its columns show."""
+        """Held-out gain of one model over another on the samples where the columns show."""
         rows, noise = self._where(columns), self.evidence.variance
         place = np.round(self.evidence.chain.mechanism.position(self.evidence.pose) / 0.02)
         _, number = np.unique(place, axis=0, return_inverse=True)
@@ -113,14 +113,13 @@ class HeldOutModels:
     def of_term(
         self, model: Fitted, term: Candidate, columns: Columns, rng: np.random.Generator
     ) -> Gain | None:
-        """What a term adds to the rest; None where held-out data do not bear it out.
+        """Held-out gain of a term beside the others; None if held-out data do not confirm it.
 
-        A cause has to foretell sectors of the workspace it was not fitted in, and stretches of
-        time as far as each leaves enough to learn it from the others, and the predictions must
-        come nearer in metres. Those by a strong signal that leaves nothing need only not be
-        farther off for sure: where it shows in few of the samples, chance decides which they are.
-        A map is no more than interpolation; it has to be worth its while in metres where it
-        interpolates, and must do no harm in sectors that it has not seen.
+        A cause has to predict sectors of the workspace that it was not fitted in, and stretches of
+        time if the others hold enough information on it; and it must reduce the error in metres.
+        For a strong signal that leaves only noise, the error need only not grow significantly: if
+        it shows in few samples, chance decides which they are. A map only interpolates: it has to
+        reduce the error enough where it interpolates and must not raise it in unseen sectors.
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
@@ -142,7 +141,7 @@ class HeldOutModels:
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
     def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
-        """Sectors of the poses, or of the motions where one of those holds nearly all of them."""
+        """Sectors of the poses, or of the motions if one pose sector holds nearly all of these."""
         if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors):
             return self.sectors
         other = self._of_motion
@@ -150,7 +149,7 @@ class HeldOutModels:
 
     @cached_property
     def _of_motion(self) -> NDArray[np.int64]:
-        """Sectors of the motions, asked for only where there are any."""
+        """Sectors of the motions, computed only if there are any."""
         return sectors_of_motion(self.evidence)
 
     def foretells(
@@ -159,21 +158,22 @@ class HeldOutModels:
         terms: tuple[Candidate, ...],
         rows: NDArray[np.bool_] | None = None,
     ) -> bool:
-        """Whether the larger of two models predicts sectors held out no worse than the other.
+        """Whether the larger of two models predicts held-out sectors no worse than the smaller.
 
         Args:
             fewer: terms of the smaller one.
-            terms: of the larger one.
-            rows: samples that are asked of, (n,); the poses where not given.
+            terms: terms of the larger one.
+            rows: mask of the samples to compare, (n,); the poses if not given.
         """
         rows = self.poses if rows is None else rows
         without, with_ = (self.terms(of, self.sectors).rms(rows) for of in (fewer, terms))
         return with_ <= without
 
     def _where(self, columns: Columns) -> NDArray[np.bool_]:
-        """The poses; the paths where the columns show in motion only.
+        """Mask of the poses, or of the readings in motion if the columns show only there.
 
-        What does to a path as its own rest error does shows at rest: a drift between two stops.
+        What acts on a path like its own rest error also shows at rest (a drift between two stops):
+        this part does not count.
         """
         evidence, size = self.evidence, columns.squares(self.evidence.coordinates)
         moving = evidence.believed & ~self.poses
@@ -190,10 +190,10 @@ class HeldOutModels:
 def of_term(
     found: SearchResult, term: Candidate, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a term; None where held-out data or its rivals leave nothing of it.
+    """Finding of a term; None if held-out data or rival causes refute it.
 
-    Nor where chance would do: a cause that came in for another, or beside one that is gone, may
-    have been significant there and be so no more.
+    Also None if it is not significant: a cause that replaced another, or stood beside one that was
+    removed, may have been significant then but not now.
     """
     model = found.model
     if not model.scaled(term).any():  # at a bound, where it does nothing
@@ -229,10 +229,9 @@ def of_term(
 def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tuple[Array, Array]:
     """Standard deviations of a term's values in units of the priors, (k,), and of its shape.
 
-    The shape's, (fields,), are in units of the spread of a field anywhere in its interval.
-
-    By the residuals, with what its shape leaves open, and by what its conditions leave open (GUM,
-    types A and B).
+    Those of the shape, (fields,), are in units of the standard deviation of a field that is
+    uniformly distributed in its interval. They follow from the residuals, including the uncertain
+    shape (GUM type A), and from uncertain conditions (type B).
     """
     columns = products_of(term, evidence)
     misfit = max(1.0, model.misfit)
@@ -251,11 +250,11 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
 
 
 def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:
-    """What was searched of a term: frequency, time constant, moment of a step, sensor.
+    """Searched shape of a term: frequency, time constant, moment of a step, sensor.
 
     Args:
-        term: in the shape that was found.
-        spread: of its searched fields, see `spread_of`, (fields,).
+        term: the term in the shape that was found.
+        spread: standard deviations of its searched fields, see `spread_of`, (fields,).
     """
     effect = term.effect
     if effect is None:
@@ -277,7 +276,7 @@ def of_dimension(
     held: HeldOutModels,
     rng: np.random.Generator,
 ) -> Finding | None:
-    """What is said of a dimension that stands out from the machine's own scatter, if one does."""
+    """Finding of a dimension that is an outlier to the machine's scatter; None if it is not."""
     if outlier.log_p > np.log(ALPHA) or outlier.share < MOST_OF or outlier.log_bayes <= 0:
         return None
     model, candidate = found.model, outlier.candidate
@@ -313,9 +312,9 @@ def of_dimension(
 def of_geometry(
     found: SearchResult, scatter: Scatter, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a machine whose parts are farther off the drawing than they may be.
+    """Finding of a geometry whose dimensions exceed their tolerances as a whole.
 
-    None where the dimensions do not foretell sectors that they were not fitted in.
+    None if they do not, or if they do not predict sectors that they were not fitted in.
     """
     if scatter.log_p > np.log(ALPHA) or scatter.tau < BEYOND:
         return None
@@ -327,7 +326,7 @@ def of_geometry(
 def of_reflector(
     found: SearchResult, held: HeldOutModels, rng: np.random.Generator
 ) -> Finding | None:
-    """What is said of a reflector that is not where the robot's file has it, by its prior."""
+    """Finding of a reflector that is farther from its place in the robot file than its prior."""
     evidence = found.model.beside
     log_p = displaced(evidence)
     if log_p > np.log(ELSEWHERE):
@@ -345,7 +344,7 @@ def _of_nuisance(
     held: HeldOutModels,
     rng: np.random.Generator,
 ) -> Finding:
-    """What is said of parameters that every calibration fits, as they are beyond their priors."""
+    """Finding of parameters that every calibration fits and that exceed their priors."""
     items = [model.bare.parameters.items[row] for row in rows]
     columns = held.evidence.nuisance[:, :, rows].reshape(held.evidence.size, -1)
     bare = without(held.evidence, rows)
@@ -372,7 +371,7 @@ def _of_nuisance(
 def separated_by(
     evidence: LinearizedModel, term: Candidate, others: tuple[Candidate, ...]
 ) -> str | None:
-    """The experiment that parts a cause from the nearest of its class."""
+    """The experiment that separates a cause from the nearest of its class, if there is one."""
     return next_experiment(evidence, term, others[0]) if others else None
 
 
@@ -419,7 +418,7 @@ def items_of(model: Fitted, term: Candidate) -> list[Parameter]:
 
 
 def _log_p(found: SearchResult, term: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
-    """ln p of the term's signal, charged with everything that was asked and searched."""
+    """ln p of the term's signal, corrected for the number of tests and of searched shapes."""
     tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
     log_p = log_p_of(signal, len(term.rows), found.model.noise_degrees)
     return min(0.0, log_p + float(np.log(tries * found.first.tests)))

@@ -1,7 +1,7 @@
-"""What a fit is to the diagnosis, whatever was measured: evidence, terms and their values.
+"""Interface of a fit for the diagnosis, whatever was measured: evidence, terms and values.
 
-A session of a tracker (`model.py`) and observations of any kinds (`observed.py`) are fitted each
-in its own way; the search, the tests and the verdict know no more of either than this.
+A session of a tracker (`model.py`) and observations of any kinds (`observed.py`) are each fitted
+in their own way; the search, the tests and the verdict use only this interface.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _ZOOMS, _POINTS, _STEPS = 3, 9, 8
-_SAME = 1e-9  # share of a decrease of chi square that is rounding
+_SAME = 1e-9  # share of a decrease of chi square that is rounding error
 _NOTHING = np.zeros(0, dtype=np.int64)
 
 
 class Fitted(ABC):
-    """A fit: geometry, frame and the terms found so far, about which all is linear."""
+    """A fit of geometry, frame and the terms found so far; the model is linearized about it."""
 
     problem: Problem  # its chain without effects
     theta: Array  # (P,) of the chain with the terms' effects
@@ -58,7 +58,7 @@ class Fitted(ABC):
 
     @property
     def placed(self) -> bool:
-        """Whether anything measured goes by a frame of its own."""
+        """Whether the frame of the measuring device is fitted."""
         return bool(self.problem.free[self.problem.layout.frame].any())
 
     @cached_property
@@ -83,17 +83,17 @@ class Fitted(ABC):
 
     @property
     def population(self) -> Population | None:
-        """Of the machines of its type, where it is known."""
+        """Population of the machines of this type; None if it is not known."""
         return None
 
     @property
     def evidence(self) -> LinearizedModel:
-        """What is left to explain, as if the terms were not in the model."""
+        """Linearized residuals as if the terms were not in the model, gathered once."""
         return self.memo.of("evidence", self.gathered)
 
     @abstractmethod
     def gathered(self) -> LinearizedModel:
-        """The evidence, of all that was measured."""
+        """Compute the evidence of all that was measured."""
 
     @property
     @abstractmethod
@@ -103,17 +103,17 @@ class Fitted(ABC):
     @property
     @abstractmethod
     def noise_apart(self) -> bool:
-        """Whether the noise is known by more than what a fit leaves; else no fit is a bad one."""
+        """Whether the noise is known apart from the residuals; if not, no fit is a bad one."""
 
     @property
     @abstractmethod
     def floor(self) -> float:
-        """Root mean square of what noise makes of a sample [m]."""
+        """Root mean square error of a sample due to noise [m]."""
 
     @property
     @abstractmethod
     def facts(self) -> SessionFacts:
-        """What was measured, and how much of it took no part."""
+        """Number of readings and poses, duration, and how many readings were left out."""
 
     @abstractmethod
     def fitted(self, terms: tuple[Candidate, ...]) -> Fitted:
@@ -121,25 +121,25 @@ class Fitted(ABC):
 
     @abstractmethod
     def elsewhere(self) -> tuple[Fitted, ...]:
-        """Other places to begin from, where what is left out may have led the fit astray."""
+        """Other starting points, if a cause missing from the model may have misled the fit."""
 
     @abstractmethod
     def quieter(self, found: Fitted) -> Fitted:
-        """Itself with less noise, where what was found explains some of what was taken for it."""
+        """The fit with less noise, if the causes found explain a part of the estimated noise."""
 
     @abstractmethod
     def rested(self) -> Fitted:
-        """The same with everything where all that was measured has it."""
+        """The same model with all unknowns converged on all that was measured."""
 
     def everything(self) -> Fitted:
-        """The same fit, with poses that it set aside as gross errors to be looked at again."""
+        """The same fit, with the poses that it set aside as gross errors included again."""
         return self
 
     def registered(self, known: Array | None = None) -> Fitted:
-        """The machine as drawn, placed where it fits best: see `identification.registered`.
+        """The nominal machine in its best-fit placement, see `estimation.registered`.
 
         Args:
-            known: geometry that is known in the drawing's place, (p,).
+            known: known geometry instead of the nominal one, (p,).
         """
         problem, geometry = self.problem, self.problem.layout.geometry
         theta, sure = problem.theta0.copy(), problem.has_prior.copy()
@@ -149,32 +149,32 @@ class Fitted(ABC):
             theta[geometry], sure[geometry] = known, True
         problem = replace(problem, theta0=theta, has_prior=sure)
         placed: Fitted = replace(cast(Any, self), problem=problem, terms=())
-        somewhere = placing(problem).any()  # not where encoders alone were read
+        somewhere = placing(problem).any()  # false if only encoders were read
         return placed.at(registered(problem).theta if somewhere else problem.theta0)
 
     def at(self, theta: Array) -> Fitted:
-        """The same with other values, (P,)."""
+        """The same fit with other values theta, (P,)."""
         return cast(Fitted, replace(cast(Any, self), theta=theta))
 
     def resting_as(self, other: Fitted) -> Fitted:
-        """Itself with geometry, reflector and frame of another fit."""
+        """The fit with geometry, reflector and frame of another fit."""
         theta, base = self.theta.copy(), self.layout.base
         theta[base] = other.theta[base]
         return self.at(theta)
 
     @property
     def unplaced(self) -> Index:
-        """Entries of the nuisance that are errors of the machine, not how it is placed."""
+        """Indices of nuisance parameters that are errors of the machine, not its placement."""
         base = self.problem.layout.base
         return np.flatnonzero(~placing(self.problem)[base])
 
     def forget(self) -> None:
-        """Let go of its evidence, as large as the session; it is gathered anew when asked for."""
+        """Drop the evidence, which is as large as the session; it is recomputed on demand."""
         self.memo.forget("evidence", "beside")
 
     @property
     def beside(self) -> LinearizedModel:
-        """What is left to explain beside the terms."""
+        """The evidence with the terms' columns added to its nuisance, so that they are fitted."""
         return self.memo.of("beside", lambda: beside(self.evidence, self.terms))
 
     @property
@@ -184,38 +184,38 @@ class Fitted(ABC):
 
     @property
     def layout(self) -> Layout:
-        """Which entries of theta are which; each term is an effect, empty if a dimension."""
+        """Layout of theta; each term is an effect, empty if it is a dimension."""
         return theta_layout(self.problem.layout, self.terms)
 
     @property
     def chain_theta(self) -> Array:
-        """Theta of the chain: without how a probe is mounted."""
+        """Theta of the chain, without the mounting of a probe."""
         return self.theta[self.layout.chain]
 
     @property
     def column_layout(self) -> Layout:
-        """Which columns of `beside` are which; each term is an effect with its free parameters.
+        """Layout of the columns of `beside`; each term is an effect with its free parameters.
 
-        Those of a dimension are columns of its own, beside the geometry's.
+        A term that is a dimension has a column of its own, beside that of the geometry.
         """
         sizes = [(m.cause, len(m.rows)) for m in self.terms]
         return self.problem.layout.with_effects(sizes)
 
     @property
     def effect_values(self) -> tuple[Array, ...]:
-        """Of each term that is an effect all parameters, (k,), in their own units."""
+        """All parameters of each term that is an effect, (k,) each, in their own units."""
         effects = tuple(m.effect for m in self.terms if m.effect is not None)
         return self.bare.with_effects(effects).effect_values(self.chain_theta)
 
     def values(self, term: Candidate) -> Array:
-        """A term's free parameters, (k,), in their own units."""
+        """Values of a term's free parameters, (k,), in their own units."""
         if term.effect is None:
             return np.asarray(self.theta[list(term.rows)])
         own = self.layout.effect(self.terms.index(term))
         return np.asarray(self.theta[own][list(term.rows)])
 
     def scaled(self, term: Candidate) -> Array:
-        """A term's values in units of the priors, (k,)."""
+        """Values of a term's free parameters in units of their priors, (k,)."""
         if term.effect is None:
             rows = list(term.rows)
             off = self.values(term) - self.problem.theta0[rows]
@@ -224,11 +224,11 @@ class Fitted(ABC):
         return np.asarray(self.values(term) / prior)
 
     def ahead(self, misfit: float = 1.0, held: Index = _NOTHING) -> Array:
-        """Theta one Gauss-Newton step on, of geometry, frame and terms, (P,).
+        """Theta (P,) after one Gauss-Newton step of geometry, frame and terms.
 
         Args:
-            misfit: of the residuals, see `LinearizedModel.best`.
-            held: entries that stay where they are.
+            misfit: chi square per degree of freedom, see `LinearizedModel.best`.
+            held: indices of the nuisance parameters that stay unchanged.
         """
         problem, base = self.extended, self.layout.base
         now = np.asarray(np.linalg.solve(problem.basis, self.theta - problem.theta0), dtype=float)
@@ -241,20 +241,21 @@ class Fitted(ABC):
             if term.effect is None:
                 theta[rows] += np.diag(problem.basis)[rows] * v
             else:
-                v = np.clip(v, *bounds_of(term))  # no gap is less than none
+                v = np.clip(v, *bounds_of(term))  # for example, no negative gap
                 theta[entries(own)[rows]] = term.effect.parameters.prior[rows] * v
         return theta
 
     def refined(self) -> tuple[Candidate, ...]:
-        """The terms with the shapes that go with their values."""
+        """The terms with the shapes that follow from their current values."""
         values = iter(self.effect_values)
         return tuple(m if m.effect is None else _reshaped(m, next(values)) for m in self.terms)
 
     @cached_property
     def in_other_shapes(self) -> tuple[tuple[Candidate, ...], ...]:
-        """The terms with one in its best other shape, out of reach of its own, if nearly as good.
+        """Variants of the terms, each with one term in its best other shape, if nearly as good.
 
-        About the fit that stands: where a term's own shape was chosen, others were not in it yet.
+        Only shapes that refining the term's own cannot reach. They are compared about this fit:
+        when the term's shape was chosen, other terms were not in the model yet.
         """
         every, terms = ((i, self._other_shape(i)) for i in range(len(self.terms))), self.terms
         return tuple(
@@ -262,7 +263,7 @@ class Fitted(ABC):
         )
 
     def _other_shape(self, i: int) -> Candidate | None:
-        """The best other shape of a term, None where none is nearly as good."""
+        """The best other shape of a term; None if none is nearly as good."""
         terms, term, at = self.terms, self.terms[i], self.evidence.at
         if term.effect is None or term.unexplained:
             return None
@@ -282,7 +283,7 @@ class Fitted(ABC):
         return others[best] if gains[best] > NEARLY * gain_of(about, term) else None
 
     def sharpened(self) -> tuple[Candidate, ...]:
-        """The terms with searched fields between the points of the search."""
+        """The terms with their searched fields refined between the grid points of the search."""
         terms = self.terms
         for i, term in enumerate(terms):
             rest = terms[:i] + terms[i + 1 :]
@@ -295,22 +296,22 @@ def theta_layout(bare: Layout, terms: Sequence[Candidate]) -> Layout:
     """Layout of theta with these terms: each is an effect, empty if it is a dimension.
 
     Args:
-        bare: that of the problem without effects.
-        terms: in the order of their effects in the chain.
+        bare: layout of the problem without effects.
+        terms: the terms in the order of their effects in the chain.
     """
     sizes = [(m.cause, 0 if m.effect is None else len(m.effect.parameters)) for m in terms]
     return bare.with_effects(sizes)
 
 
 def without_effects(theta: Array, layout: Layout) -> Array:
-    """Geometry and how all is placed, in a vector of this layout, every effect at nothing."""
+    """Theta of this layout with the given geometry and placement, and all effects at zero."""
     base = np.zeros(layout.size)
     base[layout.base] = theta[layout.base]
     return base
 
 
 def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedModel:
-    """The evidence with some explanations taken for possible."""
+    """The evidence with the columns of some terms added to its nuisance."""
     if not terms:
         return evidence
     columns = all_columns(terms, evidence)
@@ -318,7 +319,7 @@ def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedM
 
 
 def _reached(effect: Effect, other: Effect) -> bool:
-    """Whether another shape lies within the intervals of an effect, or is a value's own."""
+    """Whether another shape is within the intervals of an effect, or its values set the shape."""
     if effect.refined(np.zeros(len(effect.parameters))) is not effect:
         return True
     searched = {name for name, _, _ in effect.bounded_intervals()}
@@ -331,19 +332,19 @@ def _reached(effect: Effect, other: Effect) -> bool:
 
 
 def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
-    """The best shape within the intervals about a term's, one field after the other."""
+    """The term with its best shape within the intervals, searched one field after the other."""
     intervals = () if term.effect is None else term.effect.bounded_intervals()
     if not intervals:
         return term
     about = Shapes.of(evidence)
-    for interval in intervals * len(intervals):  # what one is best at depends on the others
+    for interval in intervals * len(intervals):  # the best value of each depends on the others
         term = _zoomed(about, term, interval)
     valley = term.effect is not None and term.effect.valley
     return _followed(about, term) if valley else term
 
 
 def _followed(about: Shapes, term: Candidate) -> Candidate:
-    """The best shape along the valley that several searched fields share, all stepping at once."""
+    """The best shape along a common valley of the searched fields, stepping all at once."""
     gain = gain_of(about, term)
     for _ in range(_STEPS):
         tried = _ahead(about, term)
@@ -374,7 +375,7 @@ def _ahead(about: Shapes, term: Candidate) -> Candidate:
 
 
 def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
-    """The best shape within the interval of one field, by zooming in."""
+    """The best shape within the interval of one field, by a grid search that zooms in."""
     assert term.effect is not None
     name, low, high = interval
     for _ in range(_ZOOMS):
@@ -394,14 +395,14 @@ def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
 
 
 def _middle_of_the_best(gains: Array) -> int:
-    """The middle of the first in a row that do as much as the best, as moments in one gap do."""
+    """Index of the middle of the first run of equally good shapes (moments within one gap)."""
     best = np.append(gains >= gains.max() * (1 - _SAME), False)
     first = int(np.argmax(best))
     return first + int(np.argmin(best[first:]) - 1) // 2
 
 
 def _vertex(before: float, top: float, after: float) -> float:
-    """Where a parabola through three points a unit apart has its top, from the middle one."""
+    """Vertex of a parabola through three points a unit apart, relative to the middle one."""
     bend = before - 2 * top + after
     return 0.5 * (before - after) / bend if bend < 0 else 0.0
 
@@ -412,7 +413,7 @@ def gain_of(about: Shapes, candidate: Candidate) -> float:
 
 
 def gains_of(about: Shapes, candidates: Sequence[Candidate]) -> Array:
-    """Decrease of chi square by each of some candidates, (c,); weighed some at a time."""
+    """Decrease of chi square by each of some candidates, (c,), computed in batches."""
     gains = [np.zeros(0)]
     for _, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
         for _, information, along in about.each(list(alike)):

@@ -1,22 +1,22 @@
-"""Whether the machine's parts are what the drawing allows, and whether one of them stands out.
+"""Test whether the machine's dimensions keep their tolerances, and whether one is an outlier.
 
-A machine's parts deviate by a common share tau of their tolerances, z ~ N(0, tau^2), tau found
-from the data by marginal likelihood. A dimension that is out of line with that scatter, and that
-makes up most of what geometry explains, is a cause by itself. Where none does but all scatter by
-more than their tolerances, the geometry is; as long as they do not, they are what calibration is
-for. A reflector that sits where nobody expects it is a cause in the same way.
+The dimensions of a machine deviate by a common share tau of their tolerances, z ~ N(0, tau^2);
+tau is estimated from the data by marginal likelihood. A dimension that is an outlier to that
+scatter and makes up most of what geometry explains is a cause by itself. If there is none, but all
+scatter by more than their tolerances, the geometry is a cause; smaller deviations are what
+calibration is for. A reflector whose offset is unlikely under its prior is a cause as well.
 
     -2 ln L(tau) = r'V0^-1 r - b'(G + tau^-2)^-1 b + ln det(1 + tau^2 G)
 
-A machine has few parts, so that tau is known by few degrees of freedom. A likelihood ratio is not
-held against chi square, as it could be of many parts, but against what it is of nu normal numbers:
-Student's t where one is out of line, chi square with nu degrees where all are large. With
-e_i = (tau^2 + 1 / g_i)^-1, g_i and a_i being eigenvalues and vectors of G, they are as many as
-the variance of that scatter and of noise is known by (Satterthwaite, Biometrics Bulletin 2 (1946)
-110):
+A machine has few dimensions, so that tau is known with few degrees of freedom nu. A likelihood
+ratio is therefore not compared with the chi square of many dimensions, but with its distribution
+for nu normal numbers: Student's t for one outlier, chi square with nu degrees if all are large.
+With e_i = (tau^2 + 1 / g_i)^-1, and g_i and a_i the eigenvalues and eigenvectors of G, nu is the
+degrees of freedom of the variance of scatter and noise together (Satterthwaite, Biometrics
+Bulletin 2 (1946) 110):
 
-    nu = sum e_i^2 (sum a_ij^2 e_i)^2 / (sum a_ij^2 e_i^2)^2 - 1    beside part j
-    nu = (sum e_i)^2 / sum e_i^2                                    of all
+    nu = sum e_i^2 (sum a_ij^2 e_i)^2 / (sum a_ij^2 e_i^2)^2 - 1    beside dimension j
+    nu = (sum e_i)^2 / sum e_i^2                                    of all dimensions
 """
 
 from __future__ import annotations
@@ -37,33 +37,33 @@ from delta_calibration.theta import entries
 Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
-_MOST = 700.0  # whose exponential is a number
-_SEEN = 1e-3  # of the prior's variance that the data must take away
+_MOST = 700.0  # largest exponent whose exponential is finite
+_SEEN = 1e-3  # least share of the prior's variance that the data must remove
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A dimension that stands out."""
+    """A dimension tested as an outlier to the scatter of all dimensions."""
 
     candidate: Candidate
-    value: float  # in units of its tolerance
-    information: float  # beside all other geometry at the machine's own scatter
-    log_p: float  # times the number of dimensions
+    value: float  # excess deviation in units of its tolerance
+    information: float  # on that excess, beside all geometry at the scatter that fits it best
+    log_p: float  # ln p, corrected for the number of dimensions
     log_bayes: float
-    share: float  # of what geometry explains
+    share: float  # of what geometry explains that this dimension explains alone
 
 
 @dataclass(frozen=True)
 class Scatter:
-    """How far the parts of this machine deviate from the drawing, as a share of the tolerances."""
+    """Scatter tau of the dimensions about the drawing, as a share of their tolerances."""
 
     tau: float
-    log_p: float  # of as much in a machine whose parts keep their tolerances
+    log_p: float  # ln p of a scatter as large if the dimensions keep their tolerances
     outlier: Outlier | None  # the most prominent dimension, significant or not
 
 
 def scatter_of(evidence: LinearizedModel) -> Scatter:
-    """The machine's scatter, and the dimension that stands out most from it."""
+    """Estimate the scatter of the dimensions and test the most prominent outlier."""
     bare = without_geometry(evidence)
     columns = evidence.geometry
     information = bare.information(columns)
@@ -90,12 +90,12 @@ def scatter_of(evidence: LinearizedModel) -> Scatter:
 
 
 def _degrees_beside(values: Array, tau: float, share: Array) -> float:
-    """Degrees of freedom of the scatter that a part is held against; not fewer than one.
+    """Degrees of freedom of the scatter that a dimension is compared with, at least one.
 
     Args:
-        values: eigenvalues of the information about the parts, in units of their tolerances, (p,).
-        tau: scatter of the parts.
-        share: of the part in each eigenvector, squared, (p,).
+        values: eigenvalues of the information on the dimensions, in units of tolerances, (p,).
+        tau: scatter of the dimensions.
+        share: squared component of the dimension in each eigenvector, (p,).
     """
     each = values / (1.0 + values * tau**2)
     moved = float(share @ each**2)
@@ -105,13 +105,13 @@ def _degrees_beside(values: Array, tau: float, share: Array) -> float:
 
 
 def _log_p_of_size(ratio: float, each: Array) -> float:
-    """ln p of numbers as much larger than they may be, by a likelihood ratio (of -2 ln L).
+    """ln p of a scatter that exceeds the tolerances, from a likelihood ratio (of -2 ln L).
 
-    Of n numbers whose mean square is s times what it may be, ratio = n (s - 1 - ln s).
+    For n numbers whose mean square is s times the allowed one, ratio = n (s - 1 - ln s).
 
     Args:
-        ratio: of the likelihoods.
-        each: what tells of the scatter, (p,).
+        ratio: decrease of -2 ln L from tau = 1 to the best tau.
+        each: e_i at tau = 1, (p,).
     """
     degrees = each.sum() ** 2 / (each @ each)
     size = -lambertw(-np.exp(-1.0 - max(ratio, 0.0) / degrees), -1).real
@@ -119,16 +119,16 @@ def _log_p_of_size(ratio: float, each: Array) -> float:
 
 
 def _log_p_of_one(ratio: float, degrees: float) -> float:
-    """ln p of a number as far out of line with the others, by a likelihood ratio.
+    """ln p of one number that is an outlier to n others, from a likelihood ratio.
 
-    Of n others, ratio = (n + 1) ln(1 + t^2 / n).
+    With Student's t of n degrees of freedom, ratio = (n + 1) ln(1 + t^2 / n).
     """
     square = degrees * np.expm1(np.clip(ratio / (degrees + 1), 0.0, _MOST))
     return float(np.log(2) + log_t(np.sqrt(square), degrees))
 
 
 def displaced(evidence: LinearizedModel) -> float:
-    """ln p of a reflector as far from where it is said to be, as its prior allows."""
+    """ln p of a reflector offset at least as far from its nominal value, under its prior."""
     rows = offset_rows(evidence)
     z, known = evidence.best()[rows], evidence.covariance()[np.ix_(rows, rows)]
     spread = np.eye(len(rows)) - known  # of the most likely values, where z ~ N(0, 1)
@@ -139,40 +139,40 @@ def displaced(evidence: LinearizedModel) -> float:
 
 
 def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
-    """Entries of the nuisance that are the reflector's offset, (3,)."""
+    """Indices of the reflector's offset among the nuisance parameters, (3,)."""
     return entries(evidence.chain.layout.offset)
 
 
 def without(evidence: LinearizedModel, rows: NDArray[np.int64]) -> LinearizedModel:
-    """The evidence with some of the nuisance as the drawing has it."""
+    """The evidence with some nuisance parameters fixed at their nominal values."""
     kept = np.setdiff1d(np.arange(evidence.nuisance.shape[2]), rows)
     precision = np.delete(evidence.precision, rows)
     return replace(evidence, nuisance=evidence.nuisance[:, :, kept], precision=precision)
 
 
 def without_geometry(evidence: LinearizedModel) -> LinearizedModel:
-    """The evidence of a machine whose dimensions are those of the drawing."""
+    """The evidence with all dimensions fixed at those of the drawing."""
     return without(evidence, entries(evidence.chain.layout.geometry))
 
 
 def as_known(placed: Fitted) -> LinearizedModel:
-    """The evidence of a machine that is as it is known, where it is placed being open.
+    """The evidence of a known machine in which only the placement is fitted.
 
     Args:
-        placed: what `Fitted.registered` gives.
+        placed: result of `Fitted.registered`.
     """
     return without(placed.evidence, placed.unplaced)
 
 
 def at_scatter(evidence: LinearizedModel, tau: float) -> LinearizedModel:
-    """The evidence with dimensions that deviate by so much of their tolerances."""
+    """The evidence with tau tolerances as the prior of every dimension."""
     precision = evidence.precision.copy()
     precision[evidence.chain.layout.geometry] = tau**-2
     return replace(evidence, precision=precision)
 
 
 def _unlikeliness(values: Array, along: Array, scatters: Array) -> Array:
-    """-2 ln L at each scatter, less what does not depend on it."""
+    """-2 ln L at each scatter, without the terms that do not depend on it."""
     weaker = scatters[:, None] ** -2.0
     return np.asarray(
         -np.sum(along**2 / (values + weaker), axis=1) + np.sum(np.log1p(values / weaker), axis=1)

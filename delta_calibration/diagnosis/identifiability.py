@@ -1,4 +1,4 @@
-"""What a session cannot tell: causes that hide behind others, or that nothing in it would show."""
+"""Causes that a session cannot identify: those that look like others, or would not show at all."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def unseen(
     findings: Sequence[Finding],
     unknown: UnknownStructure = NOTHING_LEFT,
 ) -> tuple[CannotTell, ...]:
-    """Classes among the findings, and effects that this session would not show.
+    """List indistinguishable causes of the findings, and effects this session would not show.
 
     Args:
-        evidence: as if nothing had been found.
-        terms: what was found beyond what every calibration fits.
+        evidence: linearized model about the fit, as if no term were in it.
+        terms: terms of the model beyond what every calibration fits.
         effects: the catalogue.
-        findings: what is said of all that was found.
-        unknown: what is said of what nothing explains.
+        findings: findings of the verdict.
+        unknown: structure that no cause explains.
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
     found = {finding.cause for finding in findings}
@@ -78,15 +78,15 @@ _COVERED = (
     "it may be a part of the error that was found: both change the readings of this "
     "session in the same way"
 )
-_WARMER = 1.0  # [K]
-_MOST = 0.8  # of the deviations that stand for an effect
+_WARMER = 1.0  # [K] range of a temperature from which it counts as changed
+_MOST = 0.8  # share of the squared deviations that imitate an effect
 
 
 def _reflector(evidence: LinearizedModel) -> list[CannotTell]:
-    """The reflector's offset, where the platform tilts too little to show it."""
+    """The reflector's offset, if the platform tilts too little to identify it."""
     rows = offset_rows(evidence)
     columns = evidence.nuisance[:, :, rows].reshape(evidence.size, -1)
-    if not columns.any():  # nothing measured goes by a reflector
+    if not columns.any():  # no observation depends on a reflector
         return []
     shown = np.linalg.eigvalsh(without(evidence, rows).information(columns))
     if shown[-1] >= HIDDEN:
@@ -114,9 +114,9 @@ def _blind(
     effect: Effect,
     unknown: UnknownStructure,
 ) -> tuple[tuple[str, ...], str, str] | None:
-    """Partners, reason and next experiment of an effect of typical size that would not show.
+    """Partners, reason and next experiment if an effect of typical size would not show, else None.
 
-    `whole` is the evidence with the terms among what may always be there.
+    `whole` is the evidence with the terms added to its nuisance.
     """
     shape = next(effect.shapes(evidence.at), effect)
     lacking = shape.missing(evidence.at)
@@ -139,7 +139,7 @@ def _blind(
 
 
 def _too_small(evidence: LinearizedModel, effect: Effect, unknown: UnknownStructure) -> str:
-    """That a typical one would not be seen, for the noise or for what else moves as it does."""
+    """Reason why an effect of typical size is not visible: noise, or remaining errors like it."""
     if unknown.found and unknown.moves_with in _moves_with(evidence, effect):
         return (
             f"the remaining error also varies with {unknown.moves()} and would hide an effect "
@@ -149,7 +149,7 @@ def _too_small(evidence: LinearizedModel, effect: Effect, unknown: UnknownStruct
 
 
 def _moves_with(evidence: LinearizedModel, effect: Effect) -> set[str]:
-    """What the readings of an effect move with, by the words of `UnknownStructure.moves_with`."""
+    """Variables that an effect depends on, in the words of `UnknownStructure.moves_with`."""
     at = evidence.at
     resting = at.take(_resting(at))
     words = {word for need in effect.needs for word in _OF_NEED.get(need, ())}
@@ -167,7 +167,7 @@ def _resting(at: Conditions) -> NDArray[np.bool_]:
 def _covering(
     evidence: LinearizedModel, terms: tuple[Candidate, ...], effect: Effect
 ) -> Candidate | None:
-    """The cause found that hides an effect: without it, one of typical size would be seen."""
+    """The cause found without which an effect of typical size would be seen; None if none."""
     for term in terms:
         others = tuple(m for m in terms if m is not term)
         if not term.unexplained and visibility(beside(evidence, others), effect)[1] >= NAMED:
@@ -176,7 +176,7 @@ def _covering(
 
 
 def _constant(evidence: LinearizedModel, effect: Effect) -> str:
-    """What never changed of the conditions that an effect shows by; empty where all did."""
+    """Reason that a condition which the effect depends on never changed; empty if all did."""
     at = evidence.at
     resting = _resting(at)
     at_rest = at.take(resting)
@@ -193,10 +193,10 @@ def _constant(evidence: LinearizedModel, effect: Effect) -> str:
 
 
 def _partners(evidence: LinearizedModel, candidate: Candidate) -> tuple[str, ...]:
-    """Causes whose dimensions take the place of the signal of a typical size, as geometry fits it.
+    """Causes whose dimensions imitate the signal of an effect of typical size.
 
-    The least deviations from the drawing that make the signal, and the causes that most of them
-    (by their squares) belong to.
+    The smallest deviations from the drawing that fit the signal are computed; the causes that most
+    of them (by their squares) belong to are returned.
     """
     bare = without_geometry(evidence)
     signal = columns_of(candidate, evidence) @ np.ones(len(candidate.rows))

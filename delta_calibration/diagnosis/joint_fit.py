@@ -1,4 +1,4 @@
-"""Explanations weighed in any combination: what some of them explain together, and its price."""
+"""Joint fits of candidates in any combination: decrease of chi square and Bayes factor."""
 
 from __future__ import annotations
 
@@ -35,45 +35,45 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class _Maps:
-    """What some smooth maps leave of all else: L L' = G + P of their values, G along others."""
+    """Smooth maps eliminated from a joint fit: L L' = G + P, with G and P of their values."""
 
     factor: Array  # (u, u) L
     along: Array  # (u,) L^-1 b
-    across: Array  # (u, named) L^-1 G, by the columns of what is no map
+    across: Array  # (u, named) L^-1 G with the columns of all that are no maps
 
     @cached_property
     def log_bayes(self) -> float:
-        """Their own ln B."""
+        """ln B of the maps by themselves."""
         price = np.log(np.diag(self.factor)).sum() - len(self.along) * log(PRECISION) / 2
         return float(self.along @ self.along / 2 - price)
 
     def gain(self, others: Array) -> float:
-        """Decrease of chi square by them beside others that are across them so, (u,)."""
+        """Decrease of chi square by the maps beside other columns; others: `across` v, (u,)."""
         value = _rooted(self.factor, self.along - others, trans=1)
         return float(self.along @ self.along + PRECISION * value @ value)
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """Some explanations, ready to be fitted in any combination: products of their columns.
+    """Inner products of the columns of some candidates, to fit them in any combination.
 
-    The values of maps have no bounds and sizes that are known. Eliminated, as the nuisance is,
-    they leave other products of what is beside them, whose ln B then adds to theirs; what the same
-    maps leave is worked out once.
+    The values of maps have known sizes and no bounds. They are eliminated like the nuisance
+    parameters: this changes the products of the other columns, whose ln B is then added to that of
+    the maps. The elimination of the same maps is computed once.
     """
 
     candidates: tuple[Candidate, ...]
-    tries: Array  # (c,)
+    tries: Array  # (c,) independent tries of each one's search
     information: Array  # (k, k)
     b: Array  # (k,)
     lower: Array  # (k,)
     upper: Array  # (k,)
-    begin: tuple[int, ...]  # (c + 1,) where each candidate's columns begin
-    known: dict[tuple[int, ...], _Maps] = field(default_factory=dict)  # by the maps
+    begin: tuple[int, ...]  # (c + 1,) index of the first column of each candidate
+    known: dict[tuple[int, ...], _Maps] = field(default_factory=dict)  # by indices of maps
 
     @classmethod
     def of(cls, evidence: LinearizedModel, scores: Sequence[Score]) -> JointFit:
-        """Of the candidates of these scores."""
+        """Joint fit of the candidates of these scores."""
         every = all_columns([score.candidate for score in scores], evidence)
         b = every.along(evidence.weigh(evidence.column))[:, 0]
         return cls._with(scores, evidence.information_of(every), b)
@@ -82,9 +82,9 @@ class JointFit:
     def one_beside(
         cls, evidence: LinearizedModel, kept: Sequence[Score], others: Sequence[Score]
     ) -> JointFit:
-        """A fit of the explanations that are kept, together with any one of some others.
+        """Joint fit of the candidates that are kept, together with any single one of the others.
 
-        What two of the others have in common is left out: there are many.
+        Products between two of the others are not computed, because there are many.
         """
         scores, weighed = [*kept, *others], evidence.weigh(evidence.column)
         begin = _begin_of(scores)
@@ -118,17 +118,17 @@ class JointFit:
         )
 
     def chance(self, i: int) -> Chance:
-        """What a candidate explains by chance."""
+        """Distribution of the decrease of chi square that a candidate gives by chance."""
         span = slice(*self.begin[i : i + 2])
         return Chance.of(self.information[span, span])
 
     def rows(self, terms: Sequence[int]) -> Index:
-        """Columns of some of the candidates."""
+        """Indices of the columns of some of the candidates."""
         spans = [np.arange(self.begin[i], self.begin[i + 1]) for i in terms]
         return np.concatenate([np.zeros(0, dtype=np.int64), *spans]).astype(np.int64)
 
     def fit(self, terms: Sequence[int]) -> tuple[float, float]:
-        """Decrease of chi square and ln B of some together."""
+        """Decrease of chi square and ln B of some candidates together."""
         named = [i for i in terms if not self.candidates[i].unexplained]
         maps = self._maps(tuple(sorted(i for i in terms if i not in named)))
         rows = self.rows(named)
@@ -144,7 +144,7 @@ class JointFit:
         return max(0.0, gain), log_b - float(np.log(choices).sum())
 
     def _maps(self, maps: tuple[int, ...]) -> _Maps:
-        """What these maps do and leave of all else, worked out when first asked for."""
+        """The elimination of these maps, computed on first use."""
         if maps not in self.known:
             rows = self.rows(maps)
             own = self.information[rows[:, None], rows] + PRECISION * np.eye(len(rows))
@@ -156,18 +156,18 @@ class JointFit:
 
     @cached_property
     def _named(self) -> Index:
-        """Columns of all that is no map."""
+        """Indices of the columns of all candidates that are no maps."""
         every = enumerate(self.candidates)
         return self.rows([i for i, candidate in every if not candidate.unexplained])
 
 
 def _begin_of(scores: Sequence[Score]) -> tuple[int, ...]:
-    """Where the columns of each begin, and where all end."""
+    """Index of the first column of each candidate, then the number of columns."""
     return tuple(np.cumsum([0, *(len(score.candidate.rows) for score in scores)]).tolist())
 
 
 def _rooted(factor: Array, right: Array, trans: int = 0) -> Array:
-    """L^-1, or its transpose, of columns (u, j); nothing of none."""
+    """L^-1 (trans=0) or L'^-1 (trans=1) times columns (u, j); they may be none."""
     if not right.size:
         return right
     found = solve_triangular(factor, right, lower=True, trans=trans, check_finite=False)
@@ -175,14 +175,14 @@ def _rooted(factor: Array, right: Array, trans: int = 0) -> Array:
 
 
 def sizes(terms: Sequence[Candidate]) -> list[slice]:
-    """Which of the terms' parameters, one after the other, share a size that is not known."""
+    """Slices of the terms' concatenated parameters that share an unknown size, one a term."""
     ends = np.cumsum([0, *(len(m.rows) for m in terms)]).tolist()
     spans = zip(terms, pairwise(ends), strict=True)
     return [slice(*span) for term, span in spans if term.sized]
 
 
 def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
-    """A term to be weighed again, charged with what the search for its cause has cost."""
+    """Score of a term that is to be evaluated again, with the tries of its cause's search."""
     tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
     k = len(term.rows)
     nothing = np.broadcast_to(0.0, (k, k))
@@ -190,5 +190,5 @@ def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
 
 
 def shadow(candidate: Candidate, gain: float) -> float:
-    """What a map pays beyond its parameters: a tenth of what it explains."""
+    """Penalty on ln B of a map beyond its parameters: a tenth of the D / 2 it explains."""
     return (1 - SHADOW) * gain / 2 if candidate.unexplained else 0.0

@@ -1,7 +1,7 @@
-"""What a fit leaves: causes, how far each is borne out, what stays unknown, the verdict.
+"""From a fit to a verdict: search and confirm causes, test the residuals, judge the unknown.
 
 Steps 3 to 8 of a diagnosis, whatever was measured: 3 candidates, 4 classes, 5 several effects,
-6 confirmation on held-out data, 7 audit of what is left, 8 what cannot be told and what to
+6 confirmation on held-out data, 7 audit of the residuals, 8 what cannot be identified and what to
 measure next.
 """
 
@@ -68,17 +68,17 @@ STEPS = ("geometry", "causes", "held-out data", "what is left")
 
 @dataclass(frozen=True)
 class Judgement:
-    """The verdict, and what it rests on."""
+    """The verdict, and the models, tests and held-out errors that it is based on."""
 
     verdict: Verdict
-    model: Fitted  # what the calibration is extended to
+    model: Fitted  # the extended model
     found: SearchResult
     audit: ResidualTests
-    held: HeldOutModels  # the errors that the verdict tells, pose by pose
-    before: HeldOut  # those of the baseline
-    after: HeldOut  # those of the extended model
+    held: HeldOutModels  # the held-out errors of the verdict, pose by pose
+    before: HeldOut  # held-out errors of the baseline
+    after: HeldOut  # held-out errors of the extended model
     refused: tuple[Candidate, ...] = ()  # found, but it makes predictions worse: not shipped
-    laws: tuple[Likely, ...] = ()  # of what has no name, likeliest first
+    laws: tuple[Likely, ...] = ()  # of the unknown structure, likeliest first
 
 
 def judged(
@@ -88,15 +88,15 @@ def judged(
     baseline: tuple[str, Callable[[HeldOutModels], HeldOut]] | None = None,
     step: Callable[[str], None] = lambda name: None,
 ) -> Judgement:
-    """Say what explains what a calibrated machine leaves.
+    """Find and confirm the causes of the residuals of a calibrated machine.
 
     Args:
-        start: the machine with its geometry identified and nothing else in the chain.
-        effects: what is tried.
-        rng: of bootstraps.
-        baseline: what the machine is held against and how that is called; the drawing where not
-            given.
-        step: is told of each of `STEPS` but the first as it begins.
+        start: the machine with its geometry identified and no effects in the chain.
+        effects: candidate effects.
+        rng: random generator of the bootstraps.
+        baseline: name of the baseline, and function that gives its held-out errors; the drawing if
+            not given.
+        step: progress callback, called with each of `STEPS` but the first as it begins.
     """
     step(STEPS[1])
     sought = find(start, effects, rng)
@@ -109,7 +109,7 @@ def judged(
         maps = sought.first.maps
         named = find(start, effects, rng, gone=maps)
         found, held, said = _borne_out(named, start, effects, rng, maps)
-        if said:  # maps that foretell nothing of data held out still show that something is left
+        if said:  # a map that does not predict held-out data still shows remaining structure
             found = replace(found, last=scanned(found.model, effects, rng))
             said = _in_part(said, found.last)
     found, held, said = _less_than_a_law(found, held, said, effects, rng)
@@ -128,7 +128,7 @@ def judged(
         found, held = _by_law(found, held, laws[0])
     found, after, refused = _shipped(found, held, said, start)
     terms = found.model.terms
-    if unknown.found and not terms:  # readings in motion would bend what rests on the poses
+    if unknown.found and not terms:  # readings in motion would bias a fit to the poses
         found = replace(found, model=start)
     bent = unknown.found or found.last.nameless
     findings += _of_what_is_fitted(found, held, bent, rng)
@@ -155,15 +155,15 @@ def _less_than_a_law(
     effects: Sequence[Effect],
     rng: np.random.Generator,
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """Without causes that only follow what is likelier a single law; as sure as that is not so.
+    """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
-    They go even where no law is sure enough to be told.
+    They are removed even if no law is sure enough to be reported.
     """
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:
         return found, held, said
     others = tuple(m for m in found.model.terms if m not in named)
-    without = beside(found.model.evidence, others)  # about the fit with them: their best view
+    without = beside(found.model.evidence, others)  # about the fit with them: it favours them
     doubt = doubts_of_names(without, named, effects[0].robot)
     doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
     if doubt < LIKELIER and all(doubted[m].confidence >= LEAST_SURE for m in named):
@@ -180,7 +180,7 @@ def _doubted(finding: Finding, doubt: float) -> Finding:
 def _by_law(
     found: SearchResult, held: HeldOutModels, law: Likely
 ) -> tuple[SearchResult, HeldOutModels]:
-    """With a law in the place of a map, where it foretells what is held out as well."""
+    """Replace maps by a law, if it predicts held-out data at least as well."""
     model = fitted_with(_plain(found.model), law.guess).rested()
     other = HeldOutModels(model)
     now, then = (
@@ -199,11 +199,11 @@ def _plain(model: Fitted) -> Fitted:
 def _shipped(
     found: SearchResult, held: HeldOutModels, said: Mapping[Candidate, Finding], start: Fitted
 ) -> tuple[SearchResult, HeldOut, tuple[Candidate, ...]]:
-    """What the calibration is extended to, its held-out errors, and what it was refused.
+    """The extended model, its held-out errors, and the terms that were refused.
 
     A model that predicts held-out poses worse than the calibrated one is not shipped, whatever its
-    terms are called. One whose terms show in motion only has no business at rest: there it
-    stays as calibrated.
+    terms are. If its terms show in motion only, they stay but must change nothing at rest:
+    geometry, frame and reflector are those of the calibrated model.
     """
     terms, plain = found.model.terms, held.terms((), held.sectors)
     if held.foretells((), terms):
@@ -220,9 +220,9 @@ def _borne_out(
     rng: np.random.Generator,
     gone: tuple[Candidate, ...] = (),
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """Only the terms whose names can be trusted and that hold on data not seen, one by one.
+    """Remove, one by one, terms that cannot be trusted or do not hold on held-out data.
 
-    A cause that shows beside the others only once those that do not hold are gone is taken in.
+    A cause that becomes significant only after such terms are removed is added.
     """
     while True:
         sought = found.model.terms
@@ -240,7 +240,7 @@ def _borne_out(
 
 
 def _beside_what_holds(found: SearchResult) -> tuple[Candidate, ...]:
-    """The terms with what only shows now that others are gone, or a map in a name's place."""
+    """The terms plus a cause that is significant now, or with a map instead of names."""
     terms = found.model.terms
     last = found.last.without(terms)
     freed = worth_it(last, found.model) if len(terms) < MOST else None
@@ -254,7 +254,7 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
-    """Findings, at even odds as far as something is beside them that they may be a part of."""
+    """Findings, with less confidence the likelier a map is that they may be a part of."""
     return {
         m: replace(f, confidence=f.confidence * (1 - (1 - PART_OF_A_MAP) * _map_beside(f, last)))
         for m, f in said.items()
@@ -262,10 +262,10 @@ def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, F
 
 
 def _map_beside(finding: Finding, last: Scan) -> float:
-    """Probability that a map which explains some beside a cause is there.
+    """Probability that a smooth map, which explains some errors beside a cause, is real.
 
-    Beforehand that of something which has no name; sure where the search would have taken it. One
-    that chance may have made has to explain more of what the cause does: no model is perfect.
+    The prior is that of an error without a name; it is 1 if the search would have taken the map. A
+    map that may be due to chance must explain more of the cause's signal: no model is perfect.
     """
     if _in_doubt(finding, last):
         return 1.0
@@ -279,14 +279,14 @@ def _map_beside(finding: Finding, last: Scan) -> float:
 
 
 def _in_doubt(finding: Finding, last: Scan) -> bool:
-    """Whether a map explains some beside a cause, which may be a part of what the map is."""
+    """Whether a map explains so much beside a cause that the cause may be a part of it."""
     return last.nameless and last.left is not None and last.left.gain > SOME * finding.signal
 
 
 def _holding(
     found: SearchResult, start: Fitted, rng: np.random.Generator
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
-    """The same without a look at what is left."""
+    """As `_borne_out`, but without a scan for causes that become significant."""
     while True:
         weak = untrusted(found.model)
         if not weak:
@@ -305,9 +305,9 @@ def _holding(
 def _of_what_is_fitted(
     found: SearchResult, held: HeldOutModels, bent: bool, rng: np.random.Generator
 ) -> list[Finding]:
-    """Findings among what every calibration fits: one dimension or all, and the reflector.
+    """Findings among the parameters of every calibration: one or all dimensions, the reflector.
 
-    What nothing explains bends all that is fitted: beside it, scatter is no finding.
+    Unknown structure biases them (`bent`): then only an outlier among the dimensions is a finding.
     """
     scatter = scatter_of(found.model.beside)
     one = None
@@ -320,7 +320,7 @@ def _of_what_is_fitted(
 
 
 def _audited(model: Fitted, rng: np.random.Generator) -> ResidualTests:
-    """The audit of what a model leaves; without lack of fit where that is what noise is by."""
+    """Residual tests of a model, without lack of fit if the residuals determine the noise."""
     left = audit(model.beside, model.noise_degrees, rng)
     if model.noise_apart:
         return left
@@ -328,7 +328,7 @@ def _audited(model: Fitted, rng: np.random.Generator) -> ResidualTests:
 
 
 def _drawing(start: Fitted) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:
-    """The drawing, in the best frame where there is one."""
+    """Name and held-out errors of the nominal machine, in its best-fit frame if it has one."""
     name = "nominal + frame" if start.placed else "nominal"
     return name, lambda held: held.placed(start.registered())
 
@@ -341,18 +341,18 @@ def _name(terms: tuple[Candidate, ...], placed: bool) -> str:
 def _unknown(
     found: SearchResult, sought: Fitted, left: ResidualTests, aside: Aside, doubtful: bool
 ) -> UnknownStructure:
-    """Structure that a smooth map follows, or that the tests find in what is left.
+    """Unknown structure that a smooth map describes, or that the tests find in the residuals.
 
-    A map that chance is no reason for is structure, even where it foretells too little to be of
-    use and was left out of the model again. Whether anything is said follows from the tests alone
+    A significant map is structure, even if it predicts too little to be of use and was removed
+    from the model again. Whether structure is reported follows from the tests alone
     (`statement.py`).
 
     Args:
-        found: what is borne out, and what is left beside it.
-        sought: where the search ended.
-        left: the audit of what the model leaves.
-        aside: what was set aside.
-        doubtful: whether no name holds, or one is in doubt for what is left beside it.
+        found: the confirmed model, and the scan of its residuals.
+        sought: the model at the end of the search.
+        left: residual tests of the confirmed model.
+        aside: the poses that were set aside.
+        doubtful: whether no name holds, or one is in doubt because of the structure beside it.
     """
     tests: dict[str, float | None] = {LACK_OF_FIT: None, **left.p}
     if aside.alike is not None:
@@ -370,21 +370,21 @@ def _unknown(
     size = {MOTION: left.in_motion, SET_ASIDE: aside.rms}.get(worst, left.excess)
     where = {MOTION: None, SET_ASIDE: aside.worst}.get(worst, left.worst)
     told = None if where is None else _around(where)
-    large = MM * size or None  # what is only alike among neighbours may add nothing to the noise
+    large = MM * size or None  # errors alike among neighbours may not exceed the noise
     return UnknownStructure(True, told, moves_with(worst), large, tests)
 
 
 def _laws(
     model: Fitted, any_effect: Effect, rng: np.random.Generator
 ) -> tuple[tuple[Likely, ...], tuple[FoundEquation, ...]]:
-    """Laws of what is left beside the names of a model, maps put aside, and their equations."""
+    """Laws of the residuals of a model without its maps, and their equations."""
     plain = _plain(model)
     laws = likely_laws(plain.beside, any_effect.robot, any_effect, rng) if plain.placed else ()
     return laws, told(laws, plain)
 
 
 def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
-    """p of as much as a map explains beside the others, times everything that was asked."""
+    """p of a map beside the other terms, multiplied by the number of tests."""
     evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
     columns = products_of(term, evidence)
     information = evidence.information_of(columns)
@@ -396,7 +396,7 @@ def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
 
 
 def _where_a_map_is(found: SearchResult, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
-    """Where a map may be: in the model, beside its names in doubt, where the search ended."""
+    """Fits that may contain a map: the model, the same plus a map, the end of the search."""
     yield found.model
     if doubtful and found.last.map is not None:
         yield found.model.fitted((*found.model.terms, found.last.map.candidate))
@@ -404,10 +404,10 @@ def _where_a_map_is(found: SearchResult, sought: Fitted, doubtful: bool) -> Iter
 
 
 def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -> UnknownStructure:
-    """What the map says: how large it is, and where it is largest.
+    """Unknown structure as described by a map: its size, and where it is largest.
 
-    Of its displacement what the geometry would not take up, as that of the map and what
-    bends with it elsewhere are not in the errors that people see.
+    Only the part of its displacement that refitted geometry and frame do not absorb, because the
+    rest does not appear in the errors of a calibrated machine.
     """
     evidence = model.evidence
     moved = moved_by(term, evidence, model.scaled(term)).reshape(evidence.residual.shape)

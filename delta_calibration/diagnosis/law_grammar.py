@@ -1,9 +1,9 @@
-"""Which laws are tried on structure that no effect explains.
+"""Candidate laws for structure in the residuals that no known effect explains.
 
-A law moves something (a joint behind its drive, a dimension, the base, the platform, the tracker's
-readings) by a function of a quantity of the sample, times a second quantity or nothing. What did
-not change in the session is in no law; nor is what the mechanism has no signal of. Orders,
-thresholds and time constants are tried on grids and made finer in a fit.
+A law moves a target (a joint behind its drive, a dimension, the base, the platform, the tracker's
+readings) by a function of a quantity of the sample, optionally times a second quantity. No law
+uses a quantity that did not change in the session, or for which the mechanism has no signal.
+Orders, thresholds and time constants are tried on grids and refined in a fit.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_ORDERS = (1.0, 2.0, 4.0)  # of a wave over a turn of the joint
+_ORDERS = (1.0, 2.0, 4.0)  # periods of a wave in one turn of the joint
 _SEARCHED_ORDERS = tuple(np.arange(3.0, 13.0, 1.0).tolist())  # and between those
 _FINE_ORDERS = tuple(np.arange(13.0, 241.0, 2.0).tolist())  # of the joint's own gears
 _THRESHOLDS = (0.15, 0.3, 0.45, 0.6, 0.75)  # quantiles of a quantity, where a function begins
-_WIDTHS = (0.05, 0.15, 0.4)  # of a saturation, over the range of what it is of
-_TIMES = (600.0, 1500.0, 4000.0)  # [s] of a settling
-_FADES = (0.01, 0.05)  # [rad of a Delta] of travel after a turn
-_BEARINGS = 8  # of half a circle
+_WIDTHS = (0.05, 0.15, 0.4)  # of a saturation, as shares of the quantity's range
+_TIMES = (600.0, 1500.0, 4000.0)  # [s] time constants of a settling
+_FADES = (0.01, 0.05)  # [rad of a Delta] of travel after a reversal
+_BEARINGS = 8  # in half a circle
 _WAVES = (4.0, 6.0, 8.0, 10.0)  # [rad/m] over the workspace
-_EXACT = 0.02  # of a displacement that dimensions of the machine have to make to stand for it
-_SMALL = 1e-3  # of the largest weight, under which a dimension takes no part
+_EXACT = 0.02  # largest relative error of a displacement reproduced by dimensions
+_SMALL = 1e-3  # share of the largest weight below which a dimension is left out
 _FARTHEST = 50.0  # tolerances; a dimension that needs more to show carries no law
 _COORDINATES = 3
-_MOVED = 1e-9  # of its unit, that a quantity has to change by
+_MOVED = 1e-9  # least change of a quantity, in its unit
 
 PLATFORM, BASE, TRACKER = "platform", "base", "tracker"
 _AXES = ("x", "y", "z")
@@ -55,7 +55,7 @@ _AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Function:
-    """A function of a quantity in one shape."""
+    """A function of one quantity, with the numbers that determine its shape."""
 
     name: str
     middle: float = 0.0
@@ -66,20 +66,20 @@ class Function:
 
 @dataclass(frozen=True)
 class Grammar:
-    """The laws that a session can tell."""
+    """Generator of the laws that the data of a session can test."""
 
     robot: Robot
     evidence: LinearizedModel
-    signals: Signals  # of the machine as it stands
+    signals: Signals  # of the machine in its pose at each sample
 
     def laws(self) -> Iterator[FoundLaw]:
-        """All of them; those of all joints or numbers together, and of each alone."""
+        """All candidate laws: each for all its targets together, and for each target alone."""
         yield from self._drives()
         yield from self._dimensions()
         yield from self._bodies()
         yield from self._readings()
 
-    # --- what they move ----------------------------------------------------------------------
+    # --- targets -----------------------------------------------------------------------------
 
     def _drives(self) -> Iterator[FoundLaw]:
         targets = [
@@ -90,7 +90,7 @@ class Grammar:
             yield from self._each(Stage.DRIVE, targets, of, function, by)
 
     def _dimensions(self) -> Iterator[FoundLaw]:
-        """Dimensions of a kind in all limbs, and each; what zeros of joints do, drives do."""
+        """Laws of the dimensions of each kind; joint zeros are left to the laws of the drives."""
         kinds: dict[str, list[Target]] = {}
         for row, p in enumerate(self.evidence.chain.mechanism.parameters):
             if p.cause == "joint_zero_offset" or not self._shows(row, p.prior):
@@ -106,7 +106,7 @@ class Grammar:
                 yield from self._each(Stage.STRUCTURE, targets, of, function, by)
 
     def _bodies(self) -> Iterator[FoundLaw]:
-        """The platform moved as a whole, along or about the base's axes."""
+        """Laws that shift the platform as a whole along the base's axes, or turn it about them."""
         moved = self._shifts
         if moved:
             for of, function, by in self._of_shifts():
@@ -117,7 +117,7 @@ class Grammar:
                 yield from self._each(Stage.STRUCTURE, turned, of, function, by)
 
     def _readings(self) -> Iterator[FoundLaw]:
-        """The tracker's readings, as they drift."""
+        """Laws of drift of the tracker's readings."""
         targets = [Target(TRACKER, f"d{a}_tracker", ((i, 1.0),), "m") for i, a in enumerate(_AXES)]
         for of in (*self._known("time"), *self._temperatures):
             for function in (Function("line"), *(self._settling if of.name == "time" else ())):
@@ -149,7 +149,7 @@ class Grammar:
             for target in targets:
                 yield replace(law, targets=(target,))
 
-    # --- what they are functions of ------------------------------------------------------------
+    # --- quantities and functions --------------------------------------------------------------
 
     def _of_drives(self) -> Iterator[tuple[Quantity, Function, Quantity | None]]:
         angle, along = Quantity("q"), Quantity("direction")
@@ -196,7 +196,7 @@ class Grammar:
         yield from self._of_conditions()
 
     def _of_conditions(self) -> Iterator[tuple[Quantity, Function, Quantity | None]]:
-        """Of what is the same for the whole machine."""
+        """Functions of payload, temperatures and time, which the whole machine shares."""
         for quantity in self._known("payload"):
             yield quantity, Function("line"), None
             if len(np.unique(np.round(self.evidence.at.payload, 3))) > 2:
@@ -262,13 +262,13 @@ class Grammar:
 
     @property
     def _harmonics(self) -> tuple[Function, ...]:
-        """Waves of whole orders; of a slider there is no turn."""
+        """Waves of whole orders; none for a prismatic joint, which makes no turn."""
         if self._unit != "rad":
             return ()
         return tuple(Function("wave", scale=order) for order in _ORDERS)
 
     def _orders(self, orders: Sequence[float], near: float = 1.0) -> tuple[Function, ...]:
-        """Waves of any order, each searched as far as `near` to either side."""
+        """Waves of real orders, each searched up to `near` to either side."""
         ends = ((n, (n - near) / self._size, (n + near) / self._size) for n in orders)
         return tuple(
             Function("wave", scale=n / self._size, searched=(("scale", low, high),))
@@ -288,7 +288,7 @@ class Grammar:
         )
 
     def _begins(self, of: Quantity) -> Iterator[Function]:
-        """A kink at one of some places."""
+        """Functions that are zero up to a threshold, one for each of several thresholds."""
         values = np.quantile(self._values(of), _THRESHOLDS)
         step = float(np.diff(values).max())
         for value in values.tolist():
@@ -296,7 +296,7 @@ class Grammar:
             yield Function("beyond", value, searched=near)
 
     def _clips(self, of: Quantity) -> Iterator[Function]:
-        """A ramp between two places: it begins at one, and is over at the other."""
+        """Ramps: zero before a first value of the quantity, constant after a second one."""
         low, high = self._range(of)
         step = 0.2 * (high - low)
         for value, width in product(np.linspace(low, high, 6)[1:-2].tolist(), (0.2, 0.4)):
@@ -305,7 +305,7 @@ class Grammar:
             yield Function("ramp", value, scale, searched=near)
 
     def _soft(self, of: Quantity, centred: bool = False) -> Iterator[Function]:
-        """A saturation about some places, or about nothing, of some widths."""
+        """Saturations of several widths, about several values of the quantity or about zero."""
         low, high = self._range(of)
         if high <= low:
             return
@@ -316,10 +316,10 @@ class Grammar:
             near += [] if centred else [("middle", value - step, value + step)]
             yield Function("saturation", value, scale, searched=tuple(near))
 
-    # --- what the session has of them -----------------------------------------------------------
+    # --- quantities of the session --------------------------------------------------------------
 
     def _known(self, name: str) -> tuple[Quantity, ...]:
-        """A quantity, if it changed in this session; nothing else."""
+        """The quantity if it changed in this session; else an empty tuple."""
         quantity = Quantity(name)
         return (quantity,) if self._varies(quantity) else ()
 
@@ -337,7 +337,7 @@ class Grammar:
         return float(values.min()), float(values.max())
 
     def _values(self, quantity: Quantity) -> Array:
-        """Of all joints that have it; loads of a dimension by those of all."""
+        """Values of a quantity at all samples, of all joints or dimensions that have it."""
         at = self.signals.places
         if quantity.name == TEMPERATURE:
             return self.evidence.at.of_part(quantity.part)
@@ -354,7 +354,7 @@ class Grammar:
 
     @property
     def _pose_is_place(self) -> bool:
-        """Whether a pose begins with the platform's place."""
+        """Whether the first three numbers of a pose are the platform's position."""
         pose = self.evidence.pose
         place = self.evidence.chain.mechanism.position(pose)
         return pose.shape[1] >= _COORDINATES and bool(np.array_equal(place, pose[:, :3]))
@@ -376,14 +376,14 @@ class Grammar:
 
     @cached_property
     def _shifts(self) -> list[Target]:
-        """The platform along each axis of the base, by dimensions that carry it there."""
+        """Shifts of the platform along each axis of the base, made by changes of dimensions."""
         turn = self._frame.rotation
         ways = [np.tile(turn[:, i], (len(self._still), 1)) for i in range(3)]
         return self._carried(ways, [f"d{a}" for a in _AXES], "m", PLATFORM)
 
     @cached_property
     def _turns(self) -> list[Target]:
-        """The same about each axis through the base's origin."""
+        """Turns about each axis through the base's origin, made by changes of dimensions."""
         frame, seen = self._frame, self.evidence.seen.reading[self._still]
         place = (seen - frame.translation) @ frame.rotation
         ways = [np.cross(axis, place) @ frame.rotation.T for axis in np.eye(3)]
@@ -394,7 +394,7 @@ class Grammar:
         return self.evidence.chain.split(self.evidence.theta)[2]
 
     def _shows(self, dimension: int, tolerance: float) -> bool:
-        """Whether a part so far off that nobody would mount it moves readings as a law does."""
+        """Whether the dimension, `_FARTHEST` tolerances off, moves readings by `TYPICAL_SHIFT`."""
         rows = self._still
         moved = self.evidence.metres(self.evidence.by_geometry[rows, :, dimension], rows)
         shift = float(np.sqrt(np.mean(np.sum(moved**2, axis=1))))
@@ -402,13 +402,13 @@ class Grammar:
 
     @cached_property
     def _still(self) -> NDArray[np.intp]:
-        """Poses that count."""
+        """Rows of the poses that are not set aside."""
         return np.flatnonzero(self.evidence.believed[: self.evidence.poses])
 
     def _carried(
         self, ways: Sequence[Array], names: Sequence[str], unit: str, part: str
     ) -> list[Target]:
-        """Displacements (n, 3) that changes of the dimensions make; none where they cannot."""
+        """Targets for displacements (n, 3) by changes of dimensions; none if one is impossible."""
         rows = self._still
         names_of = self.evidence.chain.mechanism.parameters.names
         ours = [i for i, n in enumerate(names_of) if n.startswith(("base", "hinge", "joint_zero"))]

@@ -1,18 +1,19 @@
-"""All laws of a grammar about one fit: how well each explains what is left, and at what price.
+"""Screening of all laws of a grammar about one fit: the Bayes factor of each on the residuals.
 
-The column of a law's value is what it moves times a function of the sample,
+The column of a law's value is the derivative by its target times a function of the sample,
 
-    x = m f        m (n, d): whitened d(reading) / d(what is moved),    f (n,): the function
+    x = m f        m (n, d): whitened d(reading) / d(target),    f (n,): the function
 
-A law of all joints and those of each alone have columns in common: their products under V
-(`linear_model.py`) are worked out once. Where a shape is searched m stays, and with it what each
-sample gives to a product with anything that stays as well,
+A law of all joints and the laws of single joints have columns in common: their products under V
+(`linear_model.py`) are computed once. While a shape is searched m does not change. In a product
+with columns y that do not change either,
 
     x' y = sum f (m . y)
 
-so that another shape costs as much as its function.
+the dot products m . y of the samples are therefore computed once, and another shape costs only
+its function.
 
-A law is charged as a cause of the catalogue is (`scores.py`): its values share one size.
+A law pays for its values as a cause of the catalogue does (`scores.py`): they share one size.
 """
 
 from __future__ import annotations
@@ -37,15 +38,15 @@ from delta_calibration.effects.signals import Signals
 Array = NDArray[np.float64]
 
 _AT_A_TIME = 64  # columns in memory together
-_NO_COLUMN = 1e-12  # of a displacement, under which it is none
+_NO_COLUMN = 1e-12  # [m] displacement under which a column counts as zero
 
-Moved = tuple[Stage, tuple[tuple[int, float], ...]]  # what is moved, and how much of each
+Moved = tuple[Stage, tuple[tuple[int, float], ...]]  # numbers of a stage, and weight of each
 Column = tuple[Moved, Taken]
 
 
 @dataclass(frozen=True)
 class Case:
-    """How well some columns explain what is left."""
+    """How well some columns explain the residuals."""
 
     log_bayes: float
     gain: float  # decrease of chi square
@@ -55,24 +56,24 @@ class Case:
 
 
 class _Products(NamedTuple):
-    """Of as many columns in each of L sets."""
+    """Inner products of the columns of L sets, each of k columns."""
 
     information: Array  # (L, k, k)
-    b: Array  # (L, k) along what is left
+    b: Array  # (L, k) products with the residuals
     square: Array  # (L, k) squared length
 
     def of(self, i: int, rows: Sequence[int]) -> _Products:
-        """Some of the columns of one set, a set of their own."""
+        """Products of some of the columns of set `i`, as a single set."""
         own = self.information[i][np.ix_(rows, rows)]
         return _Products(own[None], self.b[i, rows][None], self.square[i, rows][None])
 
 
 @dataclass(frozen=True)
 class Screen:
-    """Products of the columns of laws about one evidence.
+    """Scores of laws by the products of their columns about one evidence.
 
     Args:
-        evidence: of what is left, with all that may always be in its nuisance.
+        evidence: the residuals to explain, with all causes already found in its nuisance.
         signals: of its samples.
     """
 
@@ -80,7 +81,7 @@ class Screen:
     signals: Signals
 
     def cases(self, laws: Sequence[FoundLaw]) -> list[Case]:
-        """Each law's case by itself; those of one shape follow each other."""
+        """The case of each law alone; laws of one shape share columns if they are adjacent."""
         pairs = [tuple(self.pairs(law)) for law in laws]
         known: dict[int, _Products] = {}
         for sets in _batches(laws, pairs):
@@ -92,26 +93,26 @@ class Screen:
         return self._each(known)
 
     def case(self, laws: Sequence[FoundLaw]) -> Case:
-        """That of some laws together."""
+        """The case of several laws together."""
         return self.judged(self._products([self._pairs(laws)]))[0]
 
     def signal(self, laws: Sequence[FoundLaw], case: Case) -> Array:
-        """What they make of the whitened readings at their most likely values, (d n,)."""
+        """Whitened displacement of the readings by laws at their most likely values, (d n,)."""
         return np.asarray(self.columns(laws) @ (case.value * case.size))
 
     def columns(self, laws: Sequence[FoundLaw]) -> Array:
-        """Those of some laws, (d n, k)."""
+        """Whitened columns of several laws, (d n, k)."""
         return self._columns(self._pairs(laws))
 
     def pairs(self, law: FoundLaw) -> Iterator[Column]:
-        """What each value moves, and its function."""
+        """For each value of a law: the numbers of the stage that it moves, and its function."""
         for target in law.targets:
             for kind in law.kinds:
                 taken = law.factor(self.signals.places, target, kind)
                 yield (law.stage, target.rows), taken
 
     def judged(self, products: _Products) -> list[Case]:
-        """Cases of sets of as many columns each, (L,)."""
+        """Cases of L sets of columns from their products."""
         direct, b, square = products
         metres = self._noise * np.sqrt(square / self._count)
         size = TYPICAL_SHIFT / np.maximum(metres, _NO_COLUMN)
@@ -127,21 +128,21 @@ class Screen:
         return function_of(taken, self._rows)
 
     def moved(self, moved: Moved) -> Array:
-        """How whitened readings go with what is moved, (n, d)."""
+        """Derivative of the whitened readings by the weighted numbers of a stage, (n, d)."""
         stage, rows = moved
         slope = self.evidence.by_stage(stage)
         return np.asarray(sum(weight * slope[:, :, row] for row, weight in rows))
 
     @cached_property
     def weighed(self) -> Array:
-        """V^-1 of what is left, (d n, 1)."""
+        """V^-1 r of the residuals r, (d n, 1)."""
         return self.evidence.weigh(self.evidence.column)
 
     def _pairs(self, laws: Sequence[FoundLaw]) -> list[Column]:
         return [pair for law in laws for pair in self.pairs(law)]
 
     def _each(self, known: dict[int, _Products]) -> list[Case]:
-        """The cases of all laws, in their order."""
+        """Cases of all laws in their order, from their products by the law's number."""
         found: dict[int, Case] = {}
         alike: dict[int, list[int]] = {}
         for i, products in known.items():
@@ -154,7 +155,7 @@ class Screen:
         return [found[i] for i in range(len(found))]
 
     def _products(self, sets: Sequence[Sequence[Column]]) -> _Products:
-        """Of sets of as many columns each."""
+        """Inner products of sets that all have the same number of columns."""
         count, k = len(sets), len(sets[0])
         columns = self._columns([column for own in sets for column in own])
         return _Products(
@@ -164,7 +165,7 @@ class Screen:
         )
 
     def _columns(self, columns: Sequence[Column]) -> Array:
-        """Columns multiplied out, (d n, k)."""
+        """Columns m f multiplied out, (d n, k)."""
         found = np.empty((len(columns), *self.evidence.residual.shape))
         moved = {key: self.moved(key) for key in dict.fromkeys(own for own, _ in columns)}
         functions = {key: self.function(key) for key in dict.fromkeys(own for _, own in columns)}
@@ -174,12 +175,12 @@ class Screen:
 
     @cached_property
     def _rows(self) -> Array:
-        """The signals, one after the other, (S, n)."""
+        """The signals as rows, each contiguous in memory, (S, n)."""
         return np.ascontiguousarray(self.signals.rows.T)
 
     @cached_property
     def _noise(self) -> float:
-        """Of a coordinate [m]."""
+        """Root mean square noise of one coordinate [m]."""
         evidence = self.evidence
         variance = np.nanmean(evidence.variance[evidence.believed])
         return float(np.sqrt(variance / evidence.axes))
@@ -191,12 +192,12 @@ class Screen:
 
 @dataclass(frozen=True)
 class Reshaped:
-    """One of some laws in any shape, the others beside it as they are.
+    """Several laws, of which one can be given any shape while the others keep theirs.
 
     Args:
         screen: of the evidence.
         laws: all of them.
-        number: of the one whose shape changes; what it moves does not.
+        number: index of the law whose shape changes; its targets do not.
     """
 
     screen: Screen
@@ -204,7 +205,7 @@ class Reshaped:
     number: int
 
     def case(self, law: FoundLaw) -> Case:
-        """That of all together, with the one in this shape."""
+        """The case of all laws together, with the changing law in this shape."""
         pairs, evidence = list(self.screen.pairs(law)), self.screen.evidence
         functions = [self.screen.function(taken) for _, taken in pairs]
         given = [self._given[moved] for moved, _ in pairs]
@@ -223,20 +224,20 @@ class Reshaped:
         return self.screen.judged(found)[0]
 
     def _order(self, own: int) -> NDArray[np.intp]:
-        """Columns of all laws where those of the one stand behind the others'."""
+        """Indices that move the changing law's columns from the end to their place, (k,)."""
         before = sum(1 for law in self.laws[: self.number] for _ in self.screen.pairs(law))
         others = len(self._others.b[0])
         return np.asarray(np.r_[:before, others : others + own, before:others])
 
     @cached_property
     def _columns(self) -> Array:
-        """Of the others, (d n, k)."""
+        """Columns of the other laws, (d n, k)."""
         screen, laws, i = self.screen, self.laws, self.number
         return screen.columns((*laws[:i], *laws[i + 1 :]))
 
     @cached_property
     def _weighed(self) -> Array:
-        """V^-1 of them, (d n, k)."""
+        """V^-1 times the columns of the other laws, (d n, k)."""
         return self.screen.evidence.weigh(self._columns)
 
     @cached_property
@@ -250,7 +251,7 @@ class Reshaped:
 
     @cached_property
     def _given(self) -> dict[Moved, _Given]:
-        """By what the law moves."""
+        """Precomputed products for each thing that the changing law moves."""
         screen, evidence = self.screen, self.screen.evidence
         fixed = joined([evidence.possible, Plain(screen.weighed), Plain(self._weighed)])
         found = {}
@@ -264,15 +265,15 @@ class Reshaped:
 
 @dataclass(frozen=True)
 class _Given:
-    """What each sample gives to the products of m f with what stays, whatever f is."""
+    """Contribution of each sample to the products of m f with fixed columns, for any f."""
 
     m: Array  # (n, d)
-    along: Array  # (n, A + 1 + k): nuisance, what is left, other columns
-    shared: tuple[Array, ...]  # (samples, r) of each part of what looks like rest errors
-    samples: tuple[slice, ...]  # of these
+    along: Array  # (n, A + 1 + k): with nuisance, residuals and other columns
+    shared: tuple[Array, ...]  # (samples, r) projections onto the rest errors of each episode
+    samples: tuple[slice, ...]  # of these episodes
 
     def shared_of(self, f: Array) -> Array:
-        """What of m f looks like rest errors, (r,)."""
+        """Projection of m f onto the rest errors that paths share, (r,)."""
         parts = [f[rows] @ own for rows, own in zip(self.samples, self.shared, strict=True)]
         return np.concatenate([np.zeros(0), *parts])
 
@@ -280,7 +281,7 @@ class _Given:
 def _batches(
     laws: Sequence[FoundLaw], pairs: Sequence[Sequence[Column]]
 ) -> Iterator[list[list[int]]]:
-    """Laws of one shape each, with as many columns together, some at a time."""
+    """Batches of sets of laws: a set has one shape; sets of a batch have equally many columns."""
     alike: dict[int, list[list[int]]] = {}
     for _, rows in groupby(range(len(laws)), lambda i: _shape(laws[i])):
         own = list(rows)
@@ -293,5 +294,5 @@ def _batches(
 
 
 def _shape(law: FoundLaw) -> Hashable:
-    """What a law is, but for what it moves."""
+    """Key of a law's shape: everything but its targets."""
     return law.stage, law.of, law.function, law.by, law.middle, law.scale, law.bearing

@@ -1,13 +1,13 @@
-"""Which law of the grammar holds, if one does: shapes made finer, rivals, how sure it is.
+"""Search for a law of the grammar that explains the residuals: refinement, rivals, probability.
 
-The best of the screen are made finer, a shape for all that a law moves, then one for each. They
-are held against one another, against a smooth map of the same structure and against nothing, by
-their evidence and what each law costs to say,
+The best laws of the screen are refined, first with one shape for all targets of a law, then with
+one shape for each target. They are compared with one another, with a smooth map of the same
+structure and with no explanation at all, by their Bayes factor and prior,
 
     ln p = ln B + ln (prior of its family) - ln (shapes of the family) (targets with one each)
 
-A law is told where it is likely, where the other parts of the data foretell each, and where a map
-finds nothing to add beside it; else what is left stays unknown.
+A law is reported if it is probable, if it predicts each held-out part of the data from the others,
+and if a smooth map adds nothing to it; else the structure stays unknown.
 """
 
 from __future__ import annotations
@@ -54,9 +54,9 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_FINER, _APART = 16, 16  # families whose shapes are made finer, and finer for each target
-_STEPS = 40  # of a search for a shape
-_ODD = {
+_FINER, _APART = 16, 16  # families whose shapes are refined, and refined for each target
+_STEPS = 40  # evaluations for each field of a shape in its search
+_ODD = {  # quantities that a stage hardly depends on, as far as known
     Stage.STRUCTURE: ("q", "direction", "acceleration"),
     Stage.MEASUREMENT: (),
     Stage.DRIVE: (),
@@ -67,14 +67,14 @@ _DRAWS = 16
 
 @dataclass(frozen=True)
 class Guess:
-    """One law: of one shape for all that it moves, or of one each."""
+    """A candidate law: with one shape for all its targets, or one shape for each."""
 
     parts: tuple[FoundLaw, ...]
     log_p: float
     case: Case
 
     def with_sizes(self) -> tuple[FoundLaw, ...]:
-        """Its parts with the typical sizes of their values."""
+        """The parts of the law with the typical sizes of their values filled in."""
         sizes = iter(self.case.size.tolist())
         return tuple(
             replace(part, typical=tuple(next(sizes) for _ in part.parameters))
@@ -84,7 +84,7 @@ class Guess:
 
 @dataclass(frozen=True)
 class Likely:
-    """A law that is likely, the others that say the same, and the first that does not."""
+    """A probable law, the laws indistinguishable from it, and the best one that is not."""
 
     guess: Guess
     probability: float
@@ -95,13 +95,13 @@ class Likely:
 def likely_laws(
     evidence: LinearizedModel, robot: Robot, effect: Effect, rng: np.random.Generator
 ) -> tuple[Likely, ...]:
-    """Laws of what is left, likeliest first; none where none is sure enough.
+    """Find laws that explain the residuals, likeliest first; none if none is probable enough.
 
     Args:
-        evidence: of what is left, the causes found among its nuisance.
+        evidence: the residuals, with the causes found so far in its nuisance.
         robot: the machine.
-        effect: any on it.
-        rng: of draws of chance.
+        effect: any effect on it, from which the maps take robot and mechanism.
+        rng: of the simulated noise.
     """
     if evidence.axes != _COORDINATES:
         return ()
@@ -125,14 +125,14 @@ def likely_laws(
 
 
 def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot: Robot) -> float:
-    """Probability that a single law is behind the readings, and not causes that were named.
+    """Probability that a single law, and not the named causes, produced the readings.
 
-    Several causes together can follow what is one law of another form; the law then explains as
-    much and costs less. What it explains a little better is no doubt: effects of the catalogue
-    are models, and machines differ from them by some hundredths.
+    Several causes together can imitate one law of another form; the law then explains as much at
+    a lower price. A law that explains only slightly more raises no doubt: effects of the
+    catalogue are models, and machines differ from them by a few per cent.
 
     Args:
-        evidence: of what is left without the causes.
+        evidence: the residuals without the causes.
         named: the causes.
         robot: the machine.
     """
@@ -146,7 +146,7 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
-    """ln B of some causes together, each of a size of its own."""
+    """ln B of several causes together, each with a size of its own."""
     columns = [columns_of(term, evidence) for term in named]
     ends = np.cumsum([0, *(each.shape[1] for each in columns)]).tolist()
     every = np.concatenate(columns, axis=1)
@@ -160,12 +160,12 @@ def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
 
 
 def signals_of(evidence: LinearizedModel, robot: Robot) -> Signals:
-    """Of the machine as it stands at each sample, with all its loads."""
+    """Signals of the machine in its pose at each sample, with all its loads."""
     return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
 
 
 def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
-    """The best of each of the best families, their shapes made finer; likeliest first."""
+    """The best law of each family, refined in the best families; likeliest first."""
     priors = _Priors.of(laws)
     guesses = [
         Guess((law,), case.log_bayes + priors.of_law(law), case)
@@ -182,20 +182,20 @@ def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
 
 
 def _family(law: FoundLaw) -> tuple[Any, ...]:
-    """What a law is, but for its shape."""
+    """Key of a law's family: everything but its shape."""
     return law.stage, law.targets, law.of, law.function, law.by
 
 
 @dataclass(frozen=True)
 class _Priors:
-    """ln of the prior of each family, and how many shapes it has on the grid."""
+    """ln of each family's prior probability, and its number of shapes on the grid."""
 
     weight: dict[Any, float]
     shapes: dict[Any, int]
 
     @classmethod
     def of(cls, laws: Sequence[FoundLaw]) -> _Priors:
-        """A line is likelier than any other function, one quantity than two."""
+        """Priors by which a line is likelier than other functions, and one quantity than two."""
         shapes: dict[Any, int] = {}
         weight: dict[Any, float] = {}
         for law in laws:
@@ -208,19 +208,19 @@ class _Priors:
         return cls({key: float(np.log(w)) - total for key, w in weight.items()}, shapes)
 
     def of_law(self, law: FoundLaw, apart: int = 1) -> float:
-        """ln prior of a law in a shape; of so many shapes where each target has its own."""
+        """ln prior of a law in one shape, or in `apart` shapes if each target has its own."""
         key = _family(law)
         return self.weight[key] - apart * float(np.log(self.shapes[key]))
 
 
 def _sharper(screen: Screen, guess: Guess) -> Guess:
-    """The same in the best shape within its intervals."""
+    """The law in its best shape within the searched intervals."""
     parts, case = _best_shape(screen, guess.parts, 0, guess.case)
     return Guess(parts, guess.log_p + case.log_bayes - guess.case.log_bayes, case)
 
 
 def _apart(screen: Screen, guess: Guess, priors: _Priors) -> Guess | None:
-    """With a shape for each target; None where there are none to choose."""
+    """The law with a best shape for each target; None if there is no choice of shapes."""
     law = guess.parts[0]
     if len(law.targets) < 2 or not law.searched:
         return None
@@ -233,7 +233,7 @@ def _apart(screen: Screen, guess: Guess, priors: _Priors) -> Guess | None:
 def _best_shape(
     screen: Screen, parts: tuple[FoundLaw, ...], i: int, now: Case
 ) -> tuple[tuple[FoundLaw, ...], Case]:
-    """The parts with the best shape of one of them."""
+    """The parts with the best shape for part `i`, and their case; unchanged if none is better."""
     from scipy.optimize import minimize  # slow to load
 
     names = [name for name, _, _ in parts[i].searched]
@@ -269,19 +269,19 @@ def _best_shape(
 
 
 def _spread(start: Array) -> Array:
-    """Steps from a start in the unit cube, inward."""
+    """Steps of a first simplex from a start in the unit cube, pointing inward."""
     return cast(Array, np.diag(np.where(start > 0.5, -0.25, 0.25)))
 
 
 def _best_map(evidence: LinearizedModel, effect: Effect, rng: np.random.Generator) -> float:
-    """ln B of the best smooth map of what is left."""
+    """ln B of the smooth map that explains the residuals best."""
     weighed = Weighed.of(evidence, np.inf, _DRAWS, rng)
     scores = [s for some in maps(evidence, effect) for s in weighed.explore([some])]
     return max(score.log_bayes for score in scores)
 
 
 def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:
-    """Laws that make the same of these readings together, likeliest first."""
+    """Classes of laws with nearly the same signal in these readings, likeliest first."""
     classes: list[tuple[Array, float, list[Guess]]] = []
     evidence, top = screen.evidence, guesses[0].log_p
     for guess in guesses[:COMPARED_LAWS]:
@@ -306,7 +306,7 @@ def _holds(
     effect: Effect,
     rng: np.random.Generator,
 ) -> bool:
-    """Whether the parts of the data foretell each other by it, and a map adds nothing to it."""
+    """Whether the law predicts held-out parts of the data, and a map adds nothing to it."""
     columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))

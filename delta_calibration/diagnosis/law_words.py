@@ -1,4 +1,4 @@
-"""A law that was found, in words: equation, values with errors, region, rival."""
+"""Report of a law that was found: equation, values with standard deviations, region, rival."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 _VALUES = "abc"
 _FIELDS = {"middle": "c", "scale": "k", "bearing": "beta"}
-_APART = {  # what makes a quantity differ between two laws
+_APART = {  # measurement that separates two laws of which one depends on the quantity
     "payload": "repeat poses with further payloads",
     "time": "repeat poses after the machine has cooled down, and again when it is warm",
     TEMPERATURE: "repeat poses after the machine has cooled down, and again when it is warm",
@@ -43,11 +43,11 @@ _APART = {  # what makes a quantity differ between two laws
 
 
 def told(likely: Sequence[Likely], model: Fitted) -> tuple[FoundEquation, ...]:
-    """Each likely law, an entry for each part that it moves.
+    """Entries of the verdict for probable laws: one for each law and part that it moves.
 
     Args:
         likely: the laws, likeliest first.
-        model: the fit that they are beside, without maps.
+        model: the fit to which each law is added, without maps.
     """
     return tuple(entry for law in likely for entry in _entries(law, model))
 
@@ -81,13 +81,13 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
 
 
 def fitted_with(model: Fitted, guess: Guess) -> Fitted:
-    """A fit with a law among its terms, the law's parts last."""
+    """The fit with a law added to its terms; the law's parts come last."""
     parts = [as_candidate(part) for part in guess.with_sizes()]
     return model.fitted((*model.terms, *parts))
 
 
 def as_candidate(law: FoundLaw) -> Candidate:
-    """A law as an explanation, all its values free."""
+    """A law as a candidate explanation, with all its values free."""
     cause = f"{law.cause} of {', '.join(target.moved for target in law.targets)}"
     return Candidate(cause, law.kind, None, law, tuple(range(len(law.parameters))))
 
@@ -101,12 +101,12 @@ def _law(term: Candidate) -> FoundLaw:
 
 
 def equation(law: FoundLaw, target: Target, apart: bool = False) -> str:
-    """dq_1 = a_1*sin(k*q_2) + b_1*cos(k*q_2), and the like.
+    """Equation of a law as text, such as dq_1 = a_1*sin(k*q_2) + b_1*cos(k*q_2).
 
     Args:
         law: in its shape.
         target: what the equation moves.
-        apart: whether its shape is the target's own.
+        apart: whether each target has a shape of its own.
     """
     own = f"_{target.tag}"
     u = argument(law, target, own if apart else "")
@@ -119,7 +119,7 @@ def equation(law: FoundLaw, target: Target, apart: bool = False) -> str:
 
 
 def argument(law: FoundLaw, target: Target, own: str) -> str:
-    """(u - middle) scale, with the names of what was searched."""
+    """Text of the argument (u - middle) scale, with letters for the fields that were searched."""
     searched = {name for name, _, _ in law.searched}
     if law.of.name == ACROSS:
         u = f"(x*cos(beta{own}) + y*sin(beta{own}))"
@@ -166,7 +166,7 @@ _FUNCTIONS: Mapping[int, Callable[[str], str]] = {
 
 
 def variables(law: FoundLaw, target: Target) -> dict[str, tuple[Quantity, Target, FoundLaw]]:
-    """What the law depends on, by the contract's names."""
+    """Quantities that the law depends on, by the variable names used in its equation."""
     every = {}
     for quantity in filter(None, (law.of, law.by)):
         if quantity.name == ACROSS:
@@ -187,7 +187,7 @@ def _named(quantity: Quantity, law: FoundLaw, target: Target) -> str:
 def _range(
     evidence: LinearizedModel, of: tuple[Quantity, Target, FoundLaw]
 ) -> tuple[float, float]:
-    """Smallest and largest value of a quantity in a session."""
+    """Smallest and largest value of a quantity in the session."""
     quantity, target, law = of
     signals = signals_of(evidence, law.robot)
     first, second = quantity.places(signals.places, target, law.mechanism.joints)
@@ -200,7 +200,7 @@ def _range(
 
 
 def _estimates(found: Fitted, term: Candidate, target: Target, apart: bool) -> dict[str, Estimate]:
-    """A target's values and the shape that they go with, with standard deviations."""
+    """Estimates of a target's values and of the searched fields, with standard deviations."""
     law, own = _law(term), f"_{target.tag}"
     rest = tuple(m for m in found.terms if m is not term)
     spread, of_shape = spread_of(beside(found.evidence, rest), found, term)
@@ -233,7 +233,7 @@ def _field_unit(law: FoundLaw, name: str) -> str:
 
 
 def _other(law: Likely) -> Guess | None:
-    """The next law that is another equation, whatever shape it has."""
+    """The likeliest rival law whose equation differs by more than its shape; None if none."""
     others = [*law.same, *([law.rival] if law.rival else [])]
     ours = _kind(law.guess)
     return next((guess for guess in others if _kind(guess) != ours), None)
@@ -245,7 +245,7 @@ def _kind(guess: Guess) -> tuple[object, ...]:
 
 
 def _words(guess: Guess, at: int) -> str:
-    """The equation of the `at`-th that it moves, or of the last."""
+    """Equation of the law's target number `at`, or of its last target."""
     every = [(law, target) for law in guess.parts for target in law.targets]
     law, target = every[min(at, len(every) - 1)]
     return equation(law, target, len(guess.parts) > 1)

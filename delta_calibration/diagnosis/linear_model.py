@@ -1,17 +1,18 @@
-"""The evidence of a session: whitened residuals about a fit, and what is nuisance in them.
+"""The evidence of a session: whitened residuals about a fit, and their nuisance parameters.
 
-About a fit everything is linear,
+About a fit the model is linear,
 
     r = A z + X v + noise,      z ~ N(0, 1) where a prior is known,
 
 with A the columns of geometry, reflector offset and tracker frame, X those of an effect, and noise
-of covariance C: 1, and the rest errors of the paths (`shared_path_error.py`). Integrated over z
-the residuals have the covariance V = C + A A^T (unbounded for the tracker's frame), and all tests
-need only inner products under it: with a, b and A under the inverse root of C
+of covariance C: the identity plus that of the rest errors of the paths (`shared_path_error.py`).
+Marginalised over z the residuals have the covariance V = C + A A^T (unbounded for the tracker's
+frame). All tests need only inner products under V: with a, b and A multiplied by C^(-1/2),
 
     <a, b> = a^T V^-1 b = a^T b - (A^T a)^T (A^T A + P)^-1 (A^T b)      (Woodbury)
 
-which is what is left of a and b once all that the nuisance can explain is projected out.
+which is the inner product of a and b after everything that the nuisance can explain is projected
+out. P holds the precisions of the priors of z.
 """
 
 from __future__ import annotations
@@ -49,56 +50,56 @@ from delta_calibration.theta import Layout
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of chance: in memory together
-_AROUND = 9  # readings, about each on a path
-_TURNING = 2e-3  # [rad of a Delta] of travel after a turn
-_INNER, _RECORDED, _STANDING = "inner", "recorded", "standing"  # in the memo
-_SHORTLY = 15.0  # [s] before and after a stop on the way of a motion, at most
+_AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of noise: in memory together
+_AROUND = 9  # readings in the median about each reading of a path
+_TURNING = 2e-3  # [rad of a Delta] of travel after a reversal
+_INNER, _RECORDED, _STANDING = "inner", "recorded", "standing"  # keys of the memo
+_SHORTLY = 15.0  # [s] longest gap between a stop on the way and the motion before or after it
 
 
 @dataclass(frozen=True)
 class Cell:
-    """What is known beside the readings."""
+    """Prior knowledge and weights that go with the readings: robot, noise, weights, population."""
 
     robot: Robot
     noise: Noise
-    weight: Array  # (poses,) of each pose, 0 where it is set aside
-    population: Population | None = None  # of the machines of its type, where it is known
+    weight: Array  # (poses,) of each pose, 0 if it is set aside
+    population: Population | None = None  # of the machines of its type, if known
 
     @property
     def noise_degrees(self) -> float:
-        """Degrees of freedom of the noise estimate; infinite where the robot's file states it."""
+        """Degrees of freedom of the noise estimate; infinite if the robot file states it."""
         return 3.0 * self.noise.degrees if self.noise.measured else np.inf
 
 
 @dataclass(frozen=True)
 class LinearizedModel:
-    """Residuals of n samples, poses first and then the readings of the paths.
+    """Residuals of n samples and their linear model: poses first, then the readings of the paths.
 
-    The unit of every whitened coordinate is a standard deviation of its noise. A sample has d of
-    them: 3 of a tracker's reading, 6 of a probe's, whose turn stands behind its place, as many as
-    there are numbers of any other kind. Nothing is believed of the turns of readings in motion.
+    The unit of every whitened coordinate is a standard deviation of its noise. A sample has d
+    coordinates: 3 for a tracker's reading; 6 for a probe's, position first and then orientation;
+    for other kinds, as many as there are numbers. Orientations read in motion are not used.
     """
 
     chain: Chain
-    theta: Array  # (P,) of the chain, about which all is linear
+    theta: Array  # (P,) of the chain, the point of linearisation
     at: Conditions  # (n)
     pose: Array  # (n, k) of the platform
     whiten: Array  # (n, d, d) [1/m], with the root of the robust weight in it
     residual: Array  # (n, d) whitened, at z = 0
-    nuisance: Array  # (n, d, A) of what every calibration fits
+    nuisance: Array  # (n, d, A) columns of the parameters that every calibration fits
     rest: SharedPathError  # errors that the paths' samples share
-    precision: Array  # (A,) of all z: 1 / variance of its prior, 0 where it has none
+    precision: Array  # (A,) of all z: 1 / variance of its prior, 0 if it has none
     poses: int  # how many of the samples are poses
-    by_joints: Array  # (n, d, m) whitened d(reading) by the joint angles behind the drives
+    by_joints: Array  # (n, d, m) whitened d(reading) / d(joint angles behind the drives)
     by_geometry: Array  # (n, d, p) the same by geometry
     by_base: Array  # (n, d, 6) the same by shift [m] and turn [rad] of the base
-    seen: Conditions  # with readings as the model has them before the measurement effects
+    seen: Conditions  # with readings as the model predicts them before the measurement effects
     robot: Robot | None = None  # whose masses the machine carries; else each effect's own
-    others: tuple[Columns, ...] = ()  # nuisance beside that: of explanations taken for possible
-    # (n, m) joints behind the drives and (n, p) dimensions as it stands, where these are known
+    others: tuple[Columns, ...] = ()  # further nuisance: columns of explanations in the model
+    # (n, m) joints behind the drives and (n, p) dimensions at each sample, if known
     stood: tuple[Array, Array] | None = None
-    # what else could be measured, in words, and its evidence; None where that is to be foreseen
+    # further possible measurements, in words, and their evidence; None if yet to be predicted
     further: tuple[tuple[str, LinearizedModel], ...] | None = None
     memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
@@ -112,32 +113,33 @@ class LinearizedModel:
 
     @property
     def coordinates(self) -> int:
-        """d, of one sample."""
+        """Number of coordinates of one sample, d."""
         return int(self.residual.shape[1])
 
     @property
     def axes(self) -> int:
-        """Coordinates of a sample that are its place, not a turn: 3, or fewer where d is less."""
+        """Number of position coordinates of a sample, without orientation: 3, or d if less."""
         return min(3, self.coordinates)
 
     def metres(self, whitened: Array, rows: NDArray[np.intp]) -> Array:
-        """Undo the whitening of what samples have of a place, (k, axes) [m]; turns are left out.
+        """Undo the whitening of samples' positions, (k, axes) [m]; orientations are left out.
 
         Args:
             whitened: of these samples, (k, d).
             rows: which samples these are, (k,), none of them set aside.
         """
-        root = self.whiten[rows, : self.axes, : self.axes]  # lower triangular: of the place alone
+        # whitening is lower triangular: this block depends on positions alone
+        root = self.whiten[rows, : self.axes, : self.axes]
         return np.asarray(np.linalg.solve(root, whitened[:, : self.axes, None])[..., 0])
 
     @cached_property
     def possible(self) -> Columns:
-        """All of the nuisance, A."""
+        """Columns of all nuisance parameters, A."""
         return joined([Plain(self.nuisance.reshape(self.size, -1)), *self.others])
 
     @cached_property
     def _shared(self) -> Array:
-        """What of the nuisance looks like rest errors, (r, A)."""
+        """Projection of the nuisance columns onto the shared path errors, (r, A)."""
         return self.rest.seen_of(self.possible)
 
     @property
@@ -167,7 +169,7 @@ class LinearizedModel:
         return self._along(a, self.rest.seen_of(a))
 
     def _along(self, a: Columns, shared: Array) -> Array:
-        """The same of columns that look like rest errors (r, k)."""
+        """The same, with the columns' projection onto the shared path errors given, (r, k)."""
         return np.asarray(self.possible.across(a) - self._shared.T @ shared)
 
     @property
@@ -200,14 +202,14 @@ class LinearizedModel:
         )
 
     def but(self, rows: NDArray[np.intp]) -> LinearizedModel:
-        """The evidence of all samples but some, whose part is taken from what all sum up to."""
+        """The evidence without some samples; their share is subtracted from the sums over all."""
         others = self.take(np.delete(np.arange(len(self)), rows))
         own = self.possible.part(rows, self.coordinates)
         others.memo.of(_INNER, lambda: self._inner - own.inner())
         return others
 
     def beside(self, columns: Columns, precision: Array) -> LinearizedModel:
-        """The same evidence with more taken for possible: k columns, their priors' (k,)."""
+        """The evidence with k more nuisance columns and the precisions of their priors, (k,)."""
         precision = np.concatenate([self.precision, precision])
         return replace(self, others=(*self.others, columns), precision=precision)
 
@@ -223,34 +225,34 @@ class LinearizedModel:
         return self.information_of(Plain(a))
 
     def information_of(self, a: Columns) -> Array:
-        """The same of columns that may be products, (k, k)."""
+        """<a, a> of columns that may be products, (k, k)."""
         return self.left_of(a.inner(), self.possible.across(a), self.rest.seen_of(a))
 
     def left_of(self, inner: Array, across: Array, shared: Array) -> Array:
-        """<a, a> of k columns by their products, (k, k).
+        """<a, a> of k columns from their plain products, (k, k).
 
         Args:
-            inner: with each other, (k, k).
-            across: of the nuisance with them, (A, k).
-            shared: what of them looks like rest errors, (r, k).
+            inner: products with each other, (k, k).
+            across: products of the nuisance with them, (A, k).
+            shared: their projection onto the shared path errors, (r, k).
         """
         along = self._rooted(across - self._shared.T @ shared)
         return np.asarray(inner - shared.T @ shared - along.T @ along)
 
     def taken_of(self, a: Columns) -> Array:
-        """What <a, b> = a^T b - taken(a)^T taken(b) takes of k columns, (r + A, k)."""
+        """Factor t(a) of k columns by which <a, b> = a^T b - t(a)^T t(b), (r + A, k)."""
         shared = self.rest.seen_of(a)
         return np.concatenate([shared, self._rooted(self._along(a, shared))])
 
     def left_of_each(self, inner: Array, across: Array, shared: Array) -> Array:
-        """The same of each of L sets by itself: (L, k, k), (L, k, A), (L, k, r) -> (L, k, k)."""
+        """`left_of` for each of L sets: (L, k, k), (L, k, A), (L, k, r) -> (L, k, k)."""
         along = across - shared @ self._shared
         rooted = self._rooted(along.reshape(-1, along.shape[2]).T).T.reshape(along.shape)
         taken = (x @ x.swapaxes(1, 2) for x in (shared, rooted))
         return np.asarray(inner - sum(taken))
 
     def information_of_each(self, a: Array, k: int) -> Array:
-        """The same of each k of columns (d n, L k) by themselves, (L, k, k)."""
+        """<a, a> of each group of k columns among (d n, L k), (L, k, k)."""
         shared = self.rest.seen(a)
         parts, signs = (a, shared, self._rooted(self._along(Plain(a), shared))), (1, -1, -1)
         spans = [slice(begin, begin + k) for begin in range(0, a.shape[1], k)]
@@ -262,9 +264,9 @@ class LinearizedModel:
         )
 
     def draw(self, count: int, rng: np.random.Generator) -> Array:
-        """Residuals as chance would have them if nothing were left out, (d n, count).
+        """Simulated residuals of a machine that the model describes completely, (d n, count).
 
-        What has no prior is left out of the draw: it is projected out again anyway.
+        Parameters without prior are not drawn: they are projected out again anyway.
         """
         known = self.precision > 0
         z = np.zeros((len(known), count))
@@ -280,13 +282,13 @@ class LinearizedModel:
 
     @cached_property
     def _believed(self) -> Array:
-        """1 for coordinates that count, 0 for those set aside or not measured, (d n, 1)."""
+        """1 for coordinates in use, 0 for those set aside or not measured, (d n, 1)."""
         counts = np.abs(self.whiten).sum(axis=2) > 0
         return np.asarray(counts.reshape(-1, 1), dtype=float)
 
     @cached_property
     def degrees(self) -> float:
-        """Degrees of freedom of the residuals: coordinates that count less what the data set."""
+        """Degrees of freedom of the residuals: coordinates in use less effective parameters."""
         twice = self.normal - (self._shared.T * self.rest.weak) @ self._shared
         taken = self.rest.degrees + np.trace(cho_solve(self._factor, twice))
         return float(self._believed.sum() - taken)
@@ -304,7 +306,7 @@ class LinearizedModel:
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 
     def by_stage(self, stage: Stage) -> Array:
-        """How the whitened reading goes with what a stage hands on, (n, d, size of the stage)."""
+        """Whitened d(reading) / d(output of a stage), (n, d, size of the stage)."""
         return {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
@@ -313,7 +315,7 @@ class LinearizedModel:
         }[stage]
 
     def signals(self, effect: Effect) -> Signals:
-        """What the effect takes of the machine as it stands."""
+        """Signals for an effect; with poses and loads of the machine only if it needs them."""
         if effect.stage is Stage.MEASUREMENT:
             return self._read
         if not effect.stands:
@@ -324,14 +326,14 @@ class LinearizedModel:
 
     @property
     def _recorded(self) -> Signals:
-        """As recorded: those of the machine as it stands hold it, once they are known."""
+        """Recorded signals; `standing` itself once it is computed, as it includes them."""
         if self._stands and _STANDING in self.memo:
             return self.standing
         return self.memo.of(_RECORDED, lambda: recorded(self.chain.mechanism, self.at))
 
     @property
     def _stands(self) -> bool:
-        """Whether it is known how the machine stands, and what it carries."""
+        """Whether joints and dimensions at each sample, and the machine's masses, are known."""
         return self.stood is not None and self.robot is not None
 
     @cached_property
@@ -340,7 +342,7 @@ class LinearizedModel:
 
     @property
     def standing(self) -> Signals:
-        """Signals of the machine as it stands, all its loads among them."""
+        """Signals of the machine in its pose at each sample, with all its loads."""
         return self.memo.of(_STANDING, self._standing)
 
     def _standing(self) -> Signals:
@@ -358,16 +360,16 @@ class LinearizedModel:
 
     @property
     def counted(self) -> Index:
-        """How many coordinates of each sample count, (n,)."""
+        """How many coordinates of each sample are in use, (n,)."""
         counts = self._believed.reshape(self.residual.shape).sum(axis=1)
         return np.asarray(counts, dtype=np.int64)
 
     def covariance(self) -> Array:
-        """Of the nuisance z given the residuals and its priors, (A, A)."""
+        """Posterior covariance of the nuisance z, given residuals and priors, (A, A)."""
         return np.asarray(cho_solve(self._factor, np.eye(len(self.precision))))
 
     def known(self, misfit: float = 1.0) -> Known:
-        """What residuals, of noise as much larger, and priors know of the nuisance z."""
+        """Information on the nuisance z from priors and from residuals of `misfit` times noise."""
         along = self.along(Plain(self.column))[:, 0]
         return Known(self.normal / misfit, along / misfit, self.precision)
 
@@ -377,9 +379,10 @@ class LinearizedModel:
         """The most likely nuisance z, (A,).
 
         Args:
-            misfit: of the residuals; what is left out must not bend z beyond what parts can be.
-            held: entries that are to have given values.
-            values: these.
+            misfit: chi square per degree of freedom. It scales the priors, so that structure
+                missing in the model does not bend z beyond plausible tolerances.
+            held: entries held at given values.
+            values: the given values.
         """
         right = self.along(Plain(self.column))[:, 0]
         normal = self.normal + max(1.0, misfit) * np.diag(self.precision)
@@ -393,7 +396,7 @@ class LinearizedModel:
         return z
 
     def cost(self, z: Array, misfit: float = 1.0) -> float:
-        """What `best` makes least: chi square of readings and priors at a nuisance z, (A,)."""
+        """Cost that `best` minimises: chi square of readings and priors at a nuisance z, (A,)."""
         r = self.column - self.possible.times(z[:, None])
         return float(self.rest.inner(r)[0, 0] + max(1.0, misfit) * np.sum(self.precision * z**2))
 
@@ -403,7 +406,7 @@ class LinearizedModel:
         return float(np.sum(self.left() ** 2) / self.degrees)
 
     def missed(self, z: Array) -> Array:
-        """Measured less predicted with z, (n, axes) [m]; NaN for what was set aside."""
+        """Measured less predicted position with nuisance z, (n, axes) [m]; NaN if set aside."""
         off, good = self._left(z), np.flatnonzero(self.believed)
         missed = np.full((len(off), self.axes), np.nan)
         missed[good] = self.metres(off[good], good)
@@ -411,18 +414,18 @@ class LinearizedModel:
 
     @property
     def variance(self) -> Array:
-        """Of the distance of a reading from the truth, (n,) [m^2]; NaN for the set aside."""
+        """Noise variance of each reading's position, axes summed, (n,) [m^2]; NaN if set aside."""
         variance = np.full(len(self), np.nan)
         root = np.linalg.inv(self.whiten[self.believed, : self.axes, : self.axes])
         variance[self.believed] = np.sum(root**2, axis=(1, 2))
         return variance
 
     def left(self) -> Array:
-        """What remains of the residuals at the most likely nuisance, whitened, (n, d)."""
+        """Whitened residuals at the most likely nuisance, (n, d)."""
         return self._left(self.best())
 
     def _left(self, z: Array) -> Array:
-        """Residuals less nuisance z and what rest errors these paths then seem to have, (n, d)."""
+        """Residuals less nuisance z and less the rest errors estimated from these, (n, d)."""
         left = self.rest.without(self.column - self.possible.times(z[:, None]))
         return left.reshape(self.residual.shape)
 
@@ -430,14 +433,14 @@ class LinearizedModel:
 def gather(
     survey: Survey, problem: Problem, theta: Array, cell: Cell, guess: Array | None = None
 ) -> LinearizedModel:
-    """The evidence of poses and paths about a model, and as if its effects were not in it.
+    """Linearise poses and paths about a model, with residuals as if it had no effects.
 
     Args:
         survey: what was measured.
         problem: that of fitting the poses.
-        theta: of the problem, (P,); all is linear about it.
-        cell: noise, robot and what is believed.
-        guess: the platform's poses, nearly, (n, k).
+        theta: of the problem, (P,); the point of linearisation.
+        cell: noise, robot and weights.
+        guess: approximate poses of the platform, (n, k).
     """
     chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
     whiten_paths, count = np.zeros((0, 3, 3)), len(poses)
@@ -465,9 +468,10 @@ def gather(
 def _in_motion(
     paths: Paths, chain: Chain, theta: Array, guess: Array | None, layout: Layout
 ) -> tuple[Array, Linear]:
-    """What is missed in motion about a model (n, 3), and the same as `less_effects` has it.
+    """Residuals in motion about a model (n, 3) [m], and their linear form without effects.
 
-    Of readings in motion only places are used. Some at a time: columns of a map are hundreds.
+    Of readings in motion only positions are used. They are processed in batches, because a map
+    has hundreds of columns.
     """
     at, missed, parts = paths.conditions, [], []
     for begin in range(0, len(at), _AT_A_TIME):
@@ -482,7 +486,7 @@ def _in_motion(
 
 
 def _one_after_the_other(first: Linear, second: Linear) -> Linear:
-    """Both in one; the second has as many numbers as the first, or fewer."""
+    """Concatenate two linear forms; the second has at most as many coordinates as the first."""
     d, stood = first.missed.shape[1], None
     if first.stood is not None and second.stood is not None:
         pairs = zip(first.stood, second.stood, strict=True)
@@ -499,9 +503,9 @@ def _one_after_the_other(first: Linear, second: Linear) -> Linear:
 
 
 def less_effects(about: Linear, layout: Layout, theta: Array) -> Linear:
-    """What is missed as if the model had no effects, and how that goes with the rest of theta.
+    """Linear form without effects: residuals as if there were none, columns of the rest of theta.
 
-    A map's columns are hundreds, each as long as the session: they are dropped as early as can be.
+    A map has hundreds of columns, each as long as the session: they are dropped early.
     """
     own = layout.effects
     missed = about.missed + about.by_theta[..., own] @ theta[own]
@@ -516,13 +520,13 @@ def linearized_about(
     whiten: Array,
     rest: SharedPathError,
 ) -> LinearizedModel:
-    """The evidence of one kind of measurement about a model, as if its effects were not in it.
+    """Whiten the residuals of one kind of measurement about a model, as if it had no effects.
 
     Args:
-        problem: the model's scales and priors; what is not free in it is held.
-        theta: of the problem, (P,); all is linear about it.
+        problem: the model's scales and priors; parameters not free in it are held.
+        theta: of the problem, (P,); the point of linearisation.
         at: conditions of the n samples.
-        about: what is missed there, without the effects (`less_effects`).
+        about: residuals and their columns there, without the effects (`less_effects`).
         whiten: (n, d, d), with the root of the robust weight in it.
         rest: errors that samples share.
     """
@@ -551,9 +555,9 @@ def linearized_about(
 
 
 def by_base(chain: Chain, theta: Array, by_theta: Array) -> Array:
-    """How what goes with theta goes with shift [m] and turn [rad] of the base, (n, d, 6).
+    """Derivative by shift [m] and turn [rad] of the base, from that by theta, (n, d, 6).
 
-    The base stands in the tracker's frame by R(w), t; in its own axes b turns it, and d shifts it:
+    R(w), t is the base's pose in the tracker's frame; b turns and d shifts it in its own axes:
 
         dw = J_r(w)^-1 b        dt = R d
     """
@@ -564,10 +568,10 @@ def by_base(chain: Chain, theta: Array, by_theta: Array) -> Array:
 
 
 def on_the_way(survey: Survey) -> NDArray[np.bool_]:
-    """Poses that are stops on the way of a longer motion, (n,), where they are the exception.
+    """Mask of poses that are stops within a longer motion, (n,); none unless they are a minority.
 
-    The joints need not have been moved to them and away from them anew: they share one rest
-    error, and taken for a draw each would say more than they know.
+    The joints may not have made a separate move to each of them. Such stops then share one rest
+    error; treated as independent draws they would count as more information than they hold.
     """
     time, moving = survey.poses.time, np.sort(survey.paths.conditions.time)
     if not moving.size:
@@ -589,12 +593,12 @@ def _whiten_paths(paths: Paths, slope: Array, cell: Cell) -> Array:
 
 
 def _believed(whiten: Array, missed: Array, paths: Paths, turning_travel: float) -> Array:
-    """1 for readings like their neighbours on the path, 0 for spikes, (n, 1, 1).
+    """Mask of readings in motion: 1 if like its neighbours on the path, 0 if a spike, (n, 1, 1).
 
-    A reading is compared with the median of those around it: what a model leaves out goes on for
-    longer than a reading or two. Where a joint has just turned round, an average over a stretch of
-    the path says nothing of either side and is left out as well: less than `turning_travel` of
-    the joints' unit after the turn.
+    A reading is compared with the median of those around it, because errors missing in the model
+    last longer than one or two readings. Readings within `turning_travel` [joint unit] after the
+    reversal of a joint are also left out: averaged over a stretch of the path, they represent
+    neither direction.
     """
     from scipy.ndimage import median_filter  # slow to load, and not needed at rest
 

@@ -1,4 +1,4 @@
-"""Results as large as a session, computed once and let go of when they are of no more use."""
+"""Cache for results as large as a session, which can be released when no longer needed."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _UNKNOWN = object()
 
 @dataclass
 class Memo:
-    """Results by name, until they are let go of.
+    """Cache of results by name, each kept until it is released.
 
-    A frozen record that has one says the same with and without them. As a field that is not given
-    (`init=False`) it is empty in every copy that `dataclasses.replace` makes. Threads that ask at
-    the same time may each compute a result, which is the same.
+    A frozen record that holds a cache behaves the same whether the cache is filled or empty. As a
+    field with `init=False` it is empty in every copy that `dataclasses.replace` makes. Threads
+    that ask at the same time may each compute the result; they get equal values.
     """
 
     known: dict[str, Any] = field(default_factory=dict)
@@ -25,13 +25,13 @@ class Memo:
         return name in self.known
 
     def of(self, name: str, compute: Callable[[], _Result]) -> _Result:
-        """A result, computed now if it is not known."""
+        """A result, computed now if it is not in the cache."""
         found = self.known.get(name, _UNKNOWN)
         if found is _UNKNOWN:
             found = self.known[name] = compute()
         return cast(_Result, found)
 
     def forget(self, *names: str) -> None:
-        """Let go of results, which are computed anew when asked for."""
+        """Release results; they are computed again when asked for."""
         for name in names:
             self.known.pop(name, None)

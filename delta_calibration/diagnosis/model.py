@@ -1,4 +1,4 @@
-"""The chain with what was found in it, fitted to poses and paths together."""
+"""The kinematic chain with the causes found so far, fitted to poses and paths together."""
 
 from __future__ import annotations
 
@@ -37,57 +37,57 @@ Index = NDArray[np.int64]
 
 _ROUNDS = 4
 _NOTHING = np.zeros(0, dtype=np.int64)
-_STILL = 0.5  # of their typical sizes by which no parameter moves any more
+_STILL = 0.5  # converged if no parameter moves by more than this share of its typical size
 _SETTLING = 2  # steps at a new offset of the reflector
-_LITTLE = 0.1  # decrease of chi square ahead that is not worth a step
+_LITTLE = 0.1  # predicted decrease of chi square that is not worth a step
 
 
 @dataclass(frozen=True)
 class Model(Fitted):
-    """A fit: geometry, frame and the terms found so far, about which all is linear."""
+    """A fit of geometry, frame and the terms found so far, the point of linearisation."""
 
     survey: Survey
     problem: Problem  # of the poses, its chain without effects
     cell: Cell
     theta: Array  # (P,) of the chain with the terms' effects
     terms: tuple[Candidate, ...] = ()
-    near: Array | None = None  # (n, k) poses of the platform, nearly
-    seen: LinearizedModel | None = None  # the evidence, where it is known beforehand
+    near: Array | None = None  # (n, k) approximate poses of the platform
+    seen: LinearizedModel | None = None  # the evidence, if it is already known
     memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def gathered(self) -> LinearizedModel:
-        """The evidence, of poses and paths."""
+        """The evidence of poses and paths."""
         if self.seen is not None:
             return self.seen
         return gather(self.survey, self.extended, self.theta, self.cell, self.near)
 
     @property
     def population(self) -> Population | None:
-        """Of the machines of its type, where it is known."""
+        """Statistics of the machines of its type, if known."""
         return self.cell.population
 
     @property
     def noise_degrees(self) -> float:
-        """Degrees of freedom of the noise estimate; infinite where the robot's file states it."""
+        """Degrees of freedom of the noise estimate; infinite if the robot file states it."""
         return self.cell.noise_degrees
 
     @property
     def noise_apart(self) -> bool:
-        """By repeats, or by the robot's file."""
+        """True: the noise is known from repeated poses or from the robot file."""
         return True
 
     @property
     def floor(self) -> float:
-        """Root mean square of what noise makes of a pose [m]."""
+        """Noise of a pose: root mean square of its 3-D error [m]."""
         return self.cell.noise.floor
 
     def fitted(self, terms: tuple[Candidate, ...]) -> Model:
-        """The model with these terms instead."""
+        """The model fitted with these terms instead of its own."""
         return fit(self, terms)
 
     @property
     def facts(self) -> SessionFacts:
-        """What was measured, and how much of it took no part."""
+        """Extent of the session, and how many of its readings took no part."""
         poses, passing = self.survey.poses, on_the_way(self.survey)
         unlike = (self.cell.weight == 0) & ~passing
         aside = {
@@ -98,22 +98,22 @@ class Model(Fitted):
         return SessionFacts(poses.readings, len(poses), poses.duration, rejected)
 
     def elsewhere(self) -> tuple[Model, ...]:
-        """The machine with its reflector where the file has it, if a strong cause drew it away.
+        """The fit with the reflector's offset of the robot file, if a strong cause drew it away.
 
-        Where the platform hardly tilts, an offset far off is a cheap way to follow a cause that
-        is not in the model; about it nothing is linear that would name the cause.
+        If the platform hardly tilts, an offset far from the file's can imitate a cause that is
+        not in the model; linearised about such an offset, the cause cannot be recognised.
         """
         return (self._as_filed(),) if self.strayed and self.misfit >= LACKING else ()
 
     @property
     def strayed(self) -> bool:
-        """Whether the reflector is far from where the file has it."""
+        """Whether the reflector's offset is far from that of the robot file."""
         offset, problem = _offset(self), self.problem
         off = (self.theta - problem.theta0)[offset] / np.diag(problem.basis)[offset]
         return bool(np.abs(off).max() >= STRAYED)
 
     def _as_filed(self) -> Model:
-        """The machine fitted anew to the poses with its reflector where the file has it."""
+        """The machine fitted again to the poses, with the reflector's offset of the robot file."""
         free = np.ones(len(self.theta), dtype=bool)
         free[_offset(self)] = False
         held = self.problem.only(free)
@@ -122,11 +122,11 @@ class Model(Fitted):
         return replace(self, theta=solution.theta, cell=cell, near=None, seen=None)
 
     def on_its_floor(self) -> Model:
-        """The machine without terms, its reflector where poses and paths together have it.
+        """The machine without terms, at the minimum of the offset that poses and paths favour.
 
-        Where the platform hardly tilts, an offset has a second floor of nearly the same error on
-        the poses, centimetres off or more. The readings in motion tell which is the right one;
-        about the wrong one they would show structure that is none.
+        If the platform hardly tilts, the error of the poses has a second minimum of nearly the
+        same depth, with the offset centimetres away or more. The readings in motion decide which
+        is right; about the wrong one they would show structure that does not exist.
         """
         if not (len(self.survey.paths) and self.misfit < LACKING):
             return self
@@ -135,14 +135,14 @@ class Model(Fitted):
 
     @property
     def cost_ahead(self) -> float:
-        """Chi square of readings and priors that a step from here promises."""
+        """Chi square of readings and priors predicted after one step from here."""
         return self.beside.cost(self.beside.best())
 
     def quieter(self, found: Fitted) -> Model:
-        """Itself with the noise that repeats have without what the causes found do to them.
+        """The model with the noise estimated again, without what the found causes do to repeats.
 
-        A strong cause does more between two visits of a place than goes off with what is smooth
-        (`noise.py`); counted as noise, it would hide weaker ones and widen every interval.
+        A strong cause changes repeated poses by more than the smooth part that is removed from
+        them (`noise.py`); counted as noise, it would hide weaker causes and widen every interval.
         """
         assert isinstance(found, Model)
         moved = found.moved_by_causes()
@@ -159,7 +159,7 @@ class Model(Fitted):
         return replace(quiet, cell=replace(quiet.cell, weight=explained), seen=None)
 
     def everything(self) -> Model:
-        """The same fit, with poses that it set aside as gross errors to be looked at again."""
+        """The same fit, with the poses that it set aside as gross errors in use again."""
         weight = self.cell.weight
         if (weight > 0).all():
             return self
@@ -167,7 +167,7 @@ class Model(Fitted):
         return replace(self, cell=cell, seen=None)
 
     def at(self, theta: Array) -> Model:
-        """The same with other values, (P,)."""
+        """The same model with other parameter values, (P,)."""
         return replace(self, theta=theta, near=None, seen=None)
 
     def moved_by_causes(self) -> Array:
@@ -180,18 +180,18 @@ class Model(Fitted):
         return np.asarray(chain.predict(at, self.chain_theta) - chain.predict(at, without))
 
     def rested(self) -> Model:
-        """The model at rest on poses and paths together."""
+        """The model converged on poses and paths together."""
         return rested(self)
 
 
 def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = None) -> Model:
-    """The geometry identified by the poses, with nothing else in the chain.
+    """Identify the geometry from the poses, without effects in the chain.
 
     Args:
         survey: poses and paths.
-        cell: what is known beside them; the weights of the poses are found anew.
-        problem: of fitting the poses.
-        near: unknowns to start from, (F,); the problem's own theta where not given.
+        cell: robot, noise and weights; the weights of the poses are determined again.
+        problem: that of fitting the poses.
+        near: unknowns to start from, (F,); the problem's own theta if not given.
     """
     solution = solve(problem, near, everywhere=True)
     model = Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
@@ -200,21 +200,22 @@ def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = No
 
 @one_thread()
 def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
-    """The model with these terms instead, fitted by Gauss-Newton with robust weights.
+    """Fit the model with these terms instead of its own, by Gauss-Newton with robust weights.
 
-    Shapes that go with values (the width of a play) are set to them on the way.
+    Shapes that depend on the values (the width of a play) are updated during the fit.
     """
     now = _begun(_at_nothing(model, terms))
     cell = replace(now.cell, weight=robust_weights(_residual(now)))
-    # the first cause that comes in may have held the offset on another floor of its valley
+    # before the first cause was known, it may have held the offset in another minimum
     now = _settled(replace(now, cell=cell, terms=now.refined()), not model.terms)
     return _joined(now) if len(model.survey.paths) else now
 
 
 def _begun(model: Model) -> Model:
-    """A first step, searched fields of the shapes where they do most.
+    """The model after a first step, with the searched fields of its shapes at their best values.
 
-    Poses that were set aside may be what a strong cause does: a moment is sought with them, too.
+    Poses that were set aside may be the effect of a strong cause: the fields, such as the moment
+    of a step, are therefore searched with these poses as well.
     """
     begun = _stepped(_sharpened(model))
     everything = model.everything()
@@ -224,14 +225,14 @@ def _begun(model: Model) -> Model:
 
 
 def _left(model: Model) -> float:
-    """Chi square of the poses, each of gross errors counted as the least such."""
+    """Chi square of the poses, each limited to that of the smallest gross error."""
     return float(np.minimum(np.sum(_residual(model) ** 2, axis=1), GROSS**2).sum())
 
 
 def _at_nothing(model: Model, terms: tuple[Candidate, ...]) -> Model:
-    """The model with these terms in the place of its own, all their values at zero.
+    """The model with these terms instead of its own, all their values at zero.
 
-    In what shapes they are does not matter to the evidence about it, which is gathered once.
+    The evidence about it does not depend on the shapes of the terms and is gathered once.
     """
     theta = without_effects(model.theta, theta_layout(model.problem.layout, terms))
     now = replace(model, terms=terms, theta=theta, near=model.evidence.pose, seen=None)
@@ -239,9 +240,9 @@ def _at_nothing(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
 
 def _joined(model: Model) -> Model:
-    """The model at rest on poses and paths together, from where it rests on the poses.
+    """The model converged on poses and paths together, starting from its fit to the poses.
 
-    The reflector's offset stays where the poses have it: with it, all else is nearly linear.
+    The reflector's offset is held at its fit to the poses: all else is then nearly linear.
     """
     offset = _offset(model)
     for _ in range(_ROUNDS):
@@ -254,10 +255,10 @@ def _joined(model: Model) -> Model:
 
 
 def rested(model: Model) -> Model:
-    """The model with the reflector's offset, too, where poses and paths together have it.
+    """The model with all parameters, also the reflector's offset, fitted to poses and paths.
 
-    A step in everything leads along the offset's curved valley and off its floor; the steps after
-    it, at that offset, lead back. All is kept as long as it is more likely than before.
+    A step in all parameters leads along the curved valley of the offset and off its floor; the
+    steps after it, with that offset held, lead back. A result is kept if its cost is lower.
     """
     if not len(model.survey.paths):
         return model
@@ -277,7 +278,7 @@ def rested(model: Model) -> Model:
 
 
 def _cost(model: Model, misfit: float) -> float:
-    """What the fit makes least: chi square of readings and priors."""
+    """Cost that the fit minimises: chi square of readings and priors."""
     problem, base = model.extended, model.layout.base
     own = np.linalg.solve(problem.basis, model.theta - problem.theta0)[base]
     parts = []
@@ -292,15 +293,15 @@ def _cost(model: Model, misfit: float) -> float:
 
 
 def _offset(model: Model) -> Index:
-    """Entries of the reflector's offset."""
+    """Entries of theta that are the reflector's offset."""
     return entries(model.layout.offset)
 
 
 def _settled(model: Model, everywhere: bool) -> Model:
-    """The model at rest on the poses, what shows in motion only held where it is.
+    """The model converged on the poses; parameters that show only in motion are held.
 
-    Where the platform hardly tilts, the reflector's offset lies in a curved valley: steps that
-    take everything for linear end beside its floor. The search of the fit follows it.
+    If the platform hardly tilts, the reflector's offset lies in a curved valley: linear steps end
+    beside its floor. The iterative fit follows the valley.
     """
     problem, free = model.extended, np.ones(len(model.theta), dtype=bool)
     for term, own in zip(model.terms, model.layout.each, strict=True):
@@ -316,7 +317,7 @@ def _settled(model: Model, everywhere: bool) -> Model:
 
 
 def _shows_at_rest(model: Model, term: Candidate) -> NDArray[np.bool_]:
-    """Whether the poses hold a fair part of what is known of each parameter of a term, (k,)."""
+    """Whether the poses carry a fair share of the information on each value of a term, (k,)."""
     if not len(model.survey.paths):
         return np.ones(len(term.rows), dtype=bool)
     evidence = model.evidence
@@ -327,19 +328,19 @@ def _shows_at_rest(model: Model, term: Candidate) -> NDArray[np.bool_]:
 
 
 def _moved(model: Model, held: Index = _NOTHING) -> Model:
-    """One step, and the shapes that go with its values."""
+    """The model after one step, with shapes updated to the new values."""
     step = _stepped(model, held)
     return replace(step, terms=step.refined())
 
 
 def _stepped(model: Model, held: Index = _NOTHING) -> Model:
-    """One Gauss-Newton step of geometry, frame and terms; some of the base's unknowns held."""
+    """The model after one Gauss-Newton step of geometry, frame and terms; `held` entries fixed."""
     theta = model.ahead(model.misfit, held)
     return replace(model, theta=theta, near=model.evidence.pose, seen=None)
 
 
 def _sharpened(model: Model) -> Model:
-    """The model with searched fields of its terms between the points of the search."""
+    """The model with searched fields of its terms refined between the points of the search."""
     terms = model.sharpened()
     changed = any(new is not old for new, old in zip(terms, model.terms, strict=True))
     return replace(model, terms=terms) if changed else model

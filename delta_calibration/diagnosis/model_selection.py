@@ -1,8 +1,8 @@
-"""Sets of explanations about one fit: what a set is worth, and the best within a few swaps.
+"""Selection of a set of explanations about one fit: worth of a set, and search by swaps.
 
-Greedy search takes the best explanation. Because two effects can hide behind a third, the set is
+Greedy search takes the best explanation. Because a third effect can imitate two others, the set is
 improved by swaps, additions and removals among the best shapes of everything that was tried, and
-every pair of them is tried as well.
+every pair of these is tried as well.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from delta_calibration.diagnosis.scores import Chance, Score
 
 
 def shortlist(here: Scan) -> list[Score]:
-    """What swaps and pairs are made of, the best last."""
+    """Candidates for swaps and pairs: the best score of each key, the best last."""
     best: dict[str, Score] = {}
     for score in worth_a_map(here):
         best.setdefault(score.candidate.key, score)
@@ -37,14 +37,14 @@ def shortlist(here: Scan) -> list[Score]:
 
 
 def worth_a_map(here: Scan) -> list[Score]:
-    """Everything but maps, which have many columns, that explain less than they cost."""
+    """All scores except those of maps that explain less than they cost: maps have many columns."""
     return [s for s in here.scores if s.log_bayes > 0 or not s.candidate.unexplained]
 
 
 def next_terms(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
-    """The terms with the best newcomer, after swaps; the first is taken as it is.
+    """The terms with the best new one added, improved by swaps; the first is taken as it is.
 
-    About a fit without the first of them nothing is linear enough for finer choices.
+    About a fit without the first of them the model is not linear enough for finer choices.
     """
     best = worth_it(here, model) if len(model.terms) < MOST else None
     if not model.terms:
@@ -53,7 +53,7 @@ def next_terms(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Can
 
 
 def worth_it(here: Scan, model: Fitted) -> Score | None:
-    """The best explanation, if chance is out of the question and its parameters pay off."""
+    """The best explanation that is significant and worth its parameters; None if none is."""
     explained = decrease_of(model)
     good = [
         score
@@ -64,37 +64,37 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
 
 
 def _least(explained: float) -> float:
-    """lambda that one more explanation must have beside what the others explain."""
+    """Least lambda of one more explanation if the others explain `explained` of chi square."""
     return max(ANOTHER, IMPERFECT * explained) if explained > NAMED else 0.0
 
 
 def decrease_of(model: Fitted) -> float:
-    """How much chi square the terms explain together."""
+    """Decrease of chi square by all terms together."""
     without = float(np.sum(model.evidence.column * model.evidence.weigh(model.evidence.column)))
     return without - float(np.sum(model.beside.column * model.beside.weigh(model.beside.column)))
 
 
 def worth_of(score: Score) -> float:
-    """ln B, less what a map pays."""
+    """ln B, less the extra price of a map (`shadow`)."""
     return score.log_bayes - shadow(score.candidate, score.gain)
 
 
 def improved(
     model: Fitted, here: Scan, best: Score | None, short: tuple[Score, ...]
 ) -> tuple[Candidate, ...]:
-    """The best set of explanations within a few swaps of the terms and the best newcomer."""
+    """The best set of explanations reached by swaps from the terms and the best new one."""
     newcomers = [] if best is None else [best]
     pool = {score.candidate.key: score for score in short}
     for score in (*(as_score(m, short) for m in model.terms), *newcomers):
         pool[score.candidate.key] = score
     scores = list(pool.values())
     together = JointFit.of(model.evidence, scores)
-    where = {key: i for i, key in enumerate(pool)}  # a newcomer of a term's key takes its place
+    where = {key: i for i, key in enumerate(pool)}  # a newcomer replaces a term of the same key
     begin = (*model.terms, *(s.candidate for s in newcomers))
     start = tuple(sorted({where[c.key] for c in begin}))
     worth = Worth(together, here, model.noise_degrees)
     chosen = start
-    if newcomers:  # something else shows: two others may have been taken for one
+    if newcomers:  # something is left: a single term may stand in for two other causes
         pair = worth.best(combinations(range(len(scores)), 2), default=start)
         chosen = max((start, pair), key=worth)
     while True:
@@ -106,7 +106,7 @@ def improved(
 
 
 def _neighbours(chosen: tuple[int, ...], count: int) -> Iterator[tuple[int, ...]]:
-    """The set with one more, one less or one exchanged."""
+    """Sets that differ from the chosen one by one addition, removal or exchange."""
     others = [i for i in range(count) if i not in chosen]
     for out in (None, *chosen):
         rest = [i for i in chosen if i != out]
@@ -119,7 +119,7 @@ def _neighbours(chosen: tuple[int, ...], count: int) -> Iterator[tuple[int, ...]
 
 @dataclass
 class Worth:
-    """How much a set of explanations is worth: ln B, if each of them holds beside the others."""
+    """Worth of a set of explanations: ln B, if each of them is significant beside the others."""
 
     together: JointFit
     here: Scan
@@ -129,20 +129,20 @@ class Worth:
     chances: dict[int, Chance] = field(default_factory=dict)
 
     def __call__(self, chosen: tuple[int, ...]) -> float:
-        """Minus infinity where one of them is not significant beside the others."""
+        """Worth of a set; minus infinity if a member is not significant beside the others."""
         if chosen not in self.known:
             self.known[chosen] = self._of(chosen)
         return self.known[chosen]
 
     def most(self, chosen: tuple[int, ...]) -> float:
-        """What it is worth at most: ln B, one fit in the place of one for each of the set."""
+        """Upper bound of the worth of a set, ln B: one fit instead of one for each member."""
         candidates = self.together.candidates
         if any(candidates[i].same_cause(candidates[j]) for i, j in combinations(chosen, 2)):
             return -np.inf
         return self._fit(chosen)[1]
 
     def best(self, sets: Iterable[tuple[int, ...]], default: tuple[int, ...]) -> tuple[int, ...]:
-        """The set that is worth most, asked in the order of what they could be; or the default."""
+        """The set of greatest worth, evaluated in the order of the bounds; else the default."""
         best, enough = default, -np.inf
         could = {chosen: self.most(chosen) for chosen in sets}
         for chosen in sorted(could, key=lambda each: -could[each]):
@@ -170,13 +170,13 @@ class Worth:
         return log_b
 
     def _chance(self, i: int) -> Chance:
-        """What one of them explains by chance, worked out when first asked for."""
+        """What a candidate explains by chance, computed when first asked for."""
         if i not in self.chances:
             self.chances[i] = self.together.chance(i)
         return self.chances[i]
 
     def _fit(self, chosen: tuple[int, ...]) -> tuple[float, float]:
-        """Decrease of chi square and ln B; what is left of one set is left of many."""
+        """Decrease of chi square and ln B of a set, computed once: many sets share a subset."""
         if chosen not in self.fits:
             self.fits[chosen] = self.together.fit(chosen)
         return self.fits[chosen]

@@ -1,4 +1,4 @@
-"""When a name is not to be trusted: where it only borrows from what nothing explains."""
+"""Checks of a named cause: it may only be a part of structure that nothing explains."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ Array = NDArray[np.float64]
 
 
 def untrusted(model: Fitted) -> tuple[Candidate, ...]:
-    """Terms whose names rest on too little.
+    """Terms whose names cannot be trusted.
 
-    Where much remains that nothing explains, or only a smooth map, a cause that explains less than
-    a quarter as much may be a part of it under a wrong name. Where a map or a free curve had to be
-    taken in, a cause that explains less than it, and that it could have drawn as well, is a
-    part of it.
+    If much structure remains that nothing or only a smooth map explains, a cause that explains
+    less than a quarter as much may be a part of it under a wrong name. If the model needs a map or
+    a free curve, a cause that explains less than this, and whose signal this could reproduce, is
+    taken for a part of it.
     """
     maps = [m for m in model.terms if m.unexplained]
     free = [m for m in model.terms if m.effect is not None and m.effect.free_form]
@@ -36,7 +36,7 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
 
 
 def unexplained(model: Fitted) -> float:
-    """Chi square beyond what noise accounts for, at rest and in motion; 0 where not sure."""
+    """Chi square beyond the noise, at rest and in motion; each counts only if significant."""
     evidence = model.beside
     left, counted = evidence.left(), evidence.counted
     resting = np.arange(len(evidence)) < evidence.poses
@@ -52,14 +52,14 @@ def unexplained(model: Fitted) -> float:
 
 
 def signal_of(model: Fitted, term: Candidate) -> float:
-    """lambda of a term: squared length of its signal beside the others."""
+    """lambda of a term: squared length of its signal, with the other terms as nuisance."""
     evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
     signal = moved_by(term, evidence, model.scaled(term))
     return float(signal @ evidence.weigh(signal[:, None])[:, 0])
 
 
 def _in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
-    """Whether a free form explains more than a term and could have made most of its signal."""
+    """Whether a free form explains more than a term and could reproduce most of its signal."""
     rest = tuple(m for m in model.terms if m is not term and m is not other)
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))

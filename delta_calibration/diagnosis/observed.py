@@ -1,12 +1,12 @@
-"""A fit of observations of any kinds, as the diagnosis wants it.
+"""A fit of observations of any kinds, in the form that the diagnosis needs.
 
-About a fit the numbers of all kinds are one evidence: by samples of d numbers where all kinds have
-as many, else each number by itself. The unknowns are laid out as a tracker's chain has them; a
-reflector's offset or a frame that nothing depends on has columns of zeros.
+About a fit the numbers of all kinds form one evidence: samples of d numbers if all kinds have d
+numbers, else each number is a sample. The unknowns have the layout of a tracker's chain; a
+reflector's offset or a frame on which nothing depends has columns of zeros.
 
-Where nobody knows the noise, it is what the fit leaves: the stated sizes count among each other,
-their common factor is found. An effect in what is left is then first counted as noise, so that
-tests err to the careful side, and lack of fit cannot be told.
+If the noise is not known, it is estimated from the residuals: the ratios of the stated standard
+deviations are kept and their common factor is fitted. An effect in the residuals is then first
+counted as noise, so that tests are conservative, and lack of fit cannot be tested.
 """
 
 from __future__ import annotations
@@ -38,9 +38,7 @@ from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-3  # [m, rad] typical size of an unknown without prior
-_DIFFERENCE = 1e-6  # [rad] of a joint, or what does the same
-_STILL = 1e-4  # of their typical sizes by which no unknown moves any more
+_STILL = 1e-4  # converged if no unknown moves by more than this share of its typical size
 _ROUNDS = 60
 
 
@@ -50,11 +48,11 @@ class Observed(Fitted):
 
     problem: Problem
     theta: Array
-    stated: bool  # whether the noise is known; else its factor is found
+    stated: bool  # whether the noise is known; else its factor is fitted
     further: tuple[tuple[str, tuple[Measured, ...]], ...] = ()  # what else could be measured
     terms: tuple[Candidate, ...] = ()
     factor: float = 1.0  # of the stated noise
-    kept: Array = field(default_factory=lambda: np.ones(0))  # (N,) 1, 0 of samples set aside
+    kept: Array = field(default_factory=lambda: np.ones(0))  # (N,) 1, or 0 for a sample set aside
     memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     @classmethod
@@ -66,19 +64,19 @@ class Observed(Fitted):
         stated: bool = True,
         further: Sequence[tuple[str, Sequence[Measured]]] = (),
     ) -> Observed:
-        """The machine with its geometry, and its frame where one matters, fitted.
+        """Fit the machine's geometry, and its frame if the observations depend on one.
 
         Args:
             mechanism: drawing and priors.
             measured: observations, at least one.
             frame: `T_device_base` to start from.
             stated: whether the noise that the observations state is known.
-            further: what else could be measured, in words, with made-up values.
+            further: further possible measurements, each in words and with simulated values.
 
         Raises:
-            InputError: no observation, no frame where one matters, or one taken in motion beside
-                others.
-            DataError: samples out of reach, or no rest.
+            InputError: no observation, no frame where one is needed, an observation in motion
+                together with others, or more than one set of joints for each number.
+            DataError: samples out of reach, or the fit does not converge.
         """
         if len(measured) > 1 and any(m.path is not None for m in measured):
             raise InputError("observations: one taken in motion is not allowed beside others")
@@ -97,7 +95,7 @@ class Observed(Fitted):
 
     @property
     def facts(self) -> SessionFacts:
-        """What was measured, and how much of it was set aside."""
+        """Extent of the observations, and how many were set aside."""
         times = np.concatenate([m.at.time for m in self.problem.measured])
         count = sum(len(m.at) for m in self.problem.measured)
         aside = int(np.sum(self.kept == 0))
@@ -106,12 +104,12 @@ class Observed(Fitted):
 
     @property
     def noise_degrees(self) -> float:
-        """Infinite where the noise is known, else as much as the geometry leaves."""
+        """Degrees of freedom of the noise: infinite if known, else those of the residuals."""
         return np.inf if self.stated else self.evidence.degrees
 
     @property
     def noise_apart(self) -> bool:
-        """Only where it was stated."""
+        """Whether the noise is known independently of the fit: only if it was stated."""
         return self.stated
 
     @property
@@ -120,7 +118,7 @@ class Observed(Fitted):
         return float(np.sqrt(np.nanmean(self.evidence.variance)))
 
     def gathered(self) -> LinearizedModel:
-        """The evidence, of all kinds of measurements."""
+        """The evidence of all kinds of measurements."""
         others = tuple((words, self._gathered(parts)) for words, parts in self.further)
         own = self._gathered(self.problem.measured)
         if self.kept.size:
@@ -128,10 +126,10 @@ class Observed(Fitted):
         return replace(own, further=others)
 
     def fitted(self, terms: tuple[Candidate, ...]) -> Observed:
-        """The model with these terms instead, by Gauss-Newton from where it stands.
+        """Fit the model with these terms instead of its own, by Gauss-Newton from its values.
 
         Raises:
-            DataError: no rest.
+            DataError: the fit does not converge.
         """
         theta = without_effects(self.theta, theta_layout(self.problem.layout, terms))
         now = replace(self, terms=terms, theta=theta)
@@ -145,24 +143,24 @@ class Observed(Fitted):
         raise DataError(f"the fit still moves after {_ROUNDS} steps")
 
     def elsewhere(self) -> tuple[Observed, ...]:
-        """None: no reflector's offset is fitted that could be astray."""
+        """No other starting points: no reflector's offset is fitted that could be wrong."""
         return ()
 
     def quieter(self, found: Fitted) -> Observed:
-        """Itself: noise is stated, or what the fit leaves."""
+        """The same fit: its noise is stated or estimated from the residuals."""
         return self
 
     def rested(self) -> Observed:
-        """Itself: all was measured at rest."""
+        """The same fit: `fitted` has already converged on all measurements together."""
         return self
 
     @property
     def reads(self) -> bool:
-        """Whether all that was measured are a tracker's readings, on which its own effects act."""
+        """Whether all observations are tracker readings, on which a tracker's effects can act."""
         return all(type(m.observation) is PointMeasured for m in self.problem.measured)
 
     def _stepped(self) -> Observed:
-        """One step of everything, and of the noise where it is not known."""
+        """The fit after one step of all unknowns, and of the noise factor if it is not known."""
         step = replace(self, theta=self.ahead())
         step = replace(step, terms=step.refined())
         if self.stated:
@@ -177,7 +175,7 @@ class Observed(Fitted):
         return stacked([part if alike else apart(part) for part in parts])
 
     def _part(self, measured: Measured) -> LinearizedModel:
-        """Evidence of one kind."""
+        """Evidence of one kind of observation about this fit."""
         at, observation, problem = measured.at, measured.observation, self.extended
         about = observation.linearized(problem.chain.predictor(at), self.theta)
         bad = np.flatnonzero(~np.isfinite(about.missed).all(axis=1))
@@ -197,7 +195,7 @@ class Observed(Fitted):
 
 
 def _gross(evidence: LinearizedModel) -> Array:
-    """1 for samples that lie out of the common, (N,)."""
+    """1 for outliers, residuals beyond `GROSS` times the usual size; else 0, (N,)."""
     size = np.linalg.norm(evidence.left(), axis=1)
     typical = np.sqrt(2 * gammaincinv(evidence.coordinates / 2, 0.5))  # median of chi
     usual = float(np.median(size) / typical)

@@ -1,7 +1,7 @@
-"""What data leave open of the shape in which a cause was found: frequency, time constant, moment.
+"""Uncertainty of the searched shape of a cause: of its frequency, time constant or moment.
 
-A field of the shape that was searched is a nuisance to the values: it may be anywhere that was
-tried, and data hold it as far as chi square rises away from where it was found.
+A searched field of the shape is a nuisance parameter of the values. Its prior is the range that
+was tried; the data determine it as far as chi square rises away from the value that was found.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ from delta_calibration.effects import Effect, Interval
 
 Array = NDArray[np.float64]
 
-_LEAST, _HALVINGS = 3e-4, 8  # of a field's spread; of the logarithm of a distance
-_ALIKE = 2.0  # factor within which a rise is as a straight line has it
-_RANK = 1e-9  # share of the largest direction under which values are not told
+_LEAST, _HALVINGS = 3e-4, 8  # least distance, in spreads of the field; bisections of its logarithm
+_ALIKE = 2.0  # factor within which a rise of chi square agrees with the tangent's
+_RANK = 1e-9  # share of the largest singular value under which a direction is not identifiable
 
 
 @dataclass(frozen=True)
 class OpenShape:
-    """How a cause's signal goes with the searched fields, and what is known of these beforehand.
+    """Columns of a cause's signal by its searched fields, and the priors of these fields.
 
-    In units of the spread of a field that lies anywhere in its interval.
+    The unit of a field is the standard deviation of a uniform distribution over its interval.
     """
 
     columns: Array  # (d n, fields) whitened
@@ -46,14 +46,14 @@ class OpenShape:
 def open_shape(
     term: Candidate, evidence: LinearizedModel, scaled: Array, misfit: float
 ) -> OpenShape:
-    """What is left open of the shape of a cause that was found.
+    """Columns and priors of the searched fields of a cause that was found.
 
-    A slope is that over the distance at which chi square has risen by one: a moment between two
-    samples moves nothing, and a sample further everything.
+    A slope is a secant over the distance at which chi square has risen by one: a moment that
+    moves between two samples changes nothing, but one sample further it changes everything.
 
     Args:
         term: the cause, in the shape that was found.
-        evidence: beside all else that is fitted.
+        evidence: the evidence with all other fitted parameters in its nuisance.
         scaled: its values in units of their priors, (k,).
         misfit: chi square per degree of freedom.
     """
@@ -71,7 +71,7 @@ def open_shape(
 
 
 def tried_of(effect: Effect, at: Conditions) -> Mapping[str, tuple[float, float]]:
-    """From where to where each searched field was looked for, by name."""
+    """Lowest and highest value that was tried for each searched field, by name."""
     own = {name: (low, high) for name, low, high in effect.bounded_intervals()}
     for shape in effect.shapes(at) if own else ():
         for name, low, high in shape.bounded_intervals():
@@ -82,20 +82,21 @@ def tried_of(effect: Effect, at: Conditions) -> Mapping[str, tuple[float, float]
 
 @dataclass(frozen=True)
 class _Field:
-    """One searched field of a cause that was found, the others as they are."""
+    """One searched field of a cause that was found; the other fields keep their values."""
 
     term: Candidate
     evidence: LinearizedModel
     scaled: Array
     misfit: float
     interval: Interval
-    within: tuple[float, float]  # where it was looked for
+    within: tuple[float, float]  # lowest and highest value that was tried
 
     def slope(self, tangent: Array) -> Array:
-        """By the spread of the field, (d n,): the tangent, where chi square rises as it foretells.
+        """Slope of the signal by the field in its spread, (d n,): tangent if chi square agrees.
 
-        Else the secant between the nearest values on either side that chi square tells from the
-        one that was found, or all that were tried; no surer than these are near.
+        Else the secant between the nearest values on either side at which chi square has risen by
+        one, or the ends of the range tried. It is scaled down if it would determine the field
+        better than the distance of these values justifies.
         """
         spread, told = self._spread, self._fit(tangent, self.term)[1]
         rooms = self._now - self.within[0], self.within[1] - self._now
@@ -111,10 +112,10 @@ class _Field:
         return np.asarray((left + along) * spread / width)
 
     def _between(self, before: Candidate, after: Candidate) -> tuple[Array, Array]:
-        """How the signal goes from one shape to another, two (d n,).
+        """Change of the signal from one shape to another, in two parts of (d n,) each.
 
-        What the values cannot follow; and as they would, going from the best of one to the best
-        of the other.
+        The first is the part that the values cannot follow; the second is the change that the
+        values make between their best fit in one shape and in the other.
         """
         first, last = (moved_by(shape, self.evidence, self.scaled) for shape in (before, after))
         begin, end = (self._fit(self._found, shape)[0] for shape in (before, after))
@@ -124,7 +125,7 @@ class _Field:
         return left, own.times((begin - end)[:, None])[:, 0]
 
     def _end(self, sign: int, room: float) -> float:
-        """Where chi square has risen by one, on one side; all the room if it never does."""
+        """Signed distance at which chi square has risen by one; all the room if it never does."""
         least, most = _LEAST * self._spread, room
         if most <= least or self._rise(sign * most) <= 1:
             return sign * most
@@ -140,7 +141,7 @@ class _Field:
 
     @property
     def _spread(self) -> float:
-        """Of a field that lies anywhere in its interval."""
+        """Standard deviation of a uniform distribution over the field's interval."""
         return (self.interval[2] - self.interval[1]) / 12**0.5
 
     @cached_property
@@ -148,18 +149,18 @@ class _Field:
         return moved_by(self.term, self.evidence, self.scaled)
 
     def _rise(self, by: float) -> float:
-        """Of chi square, where the field is off by so much and the values follow as they can."""
+        """Rise of chi square if the field is off by `by` and the values are fitted again."""
         return self._fit(self._found, self._at(by))[1]
 
     def _at(self, by: float) -> Candidate:
-        """The cause with the field off by so much."""
+        """The cause with the field off by `by`, within the range tried."""
         value = float(np.clip(self._now + by, *self.within))
         field: dict[str, Any] = {self.interval[0]: value}
         effect: Effect = replace(cast(Any, self.term.effect), **field)
         return replace(self.term, effect=effect)
 
     def _fit(self, column: Array, cause: Candidate) -> tuple[Array, float]:
-        """A column (d n,) by a cause: its values (k,), and chi square of what they leave."""
+        """Fit a column (d n,) by a cause: its values (k,), and chi square of the remainder."""
         both = joined([products_of(cause, self.evidence), Plain(column[:, None])])
         known = self.evidence.information_of(both)
         own, across = known[:-1, :-1], known[:-1, -1]
@@ -168,5 +169,5 @@ class _Field:
 
 
 def _straight(rise: float) -> bool:
-    """Whether chi square rises about by the one that a straight line has it rise by."""
+    """Whether chi square rises by about one, as the tangent predicts."""
     return 1 / _ALIKE <= rise <= _ALIKE

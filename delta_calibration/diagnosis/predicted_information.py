@@ -1,13 +1,13 @@
-"""What samples would tell that are not taken yet, beside those that are.
+"""Predicted information of samples that are not yet taken, together with those that are.
 
-All that tests need are inner products, and those of independent samples add up: with N the
-whitened columns of geometry, reflector offset and frame, which all samples share, and X those of
-an explanation,
+Tests need only inner products, and those of independent samples add up. With N the whitened
+columns of geometry, reflector offset and frame, which all samples share, and X those of an
+explanation,
 
-    G = X'X - X'N (N'N + P)^-1 N'X        each product a sum over what was and will be measured
+    G = X'X - X'N (N'N + P)^-1 N'X        each product a sum over all samples, taken and planned
 
-What only some of the samples have for nuisance, such as the rest errors of their paths, is
-projected out of those beforehand.
+Nuisance of only some of the samples, such as the rest errors of their paths, is projected out of
+these samples beforehand.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _REST = 50e-6  # [rad of a Delta] by which the joints may be off their command along a path
-_COMPARED = 400  # samples of a session among which the nearest is looked for
+_COMPARED = 400  # to 800 samples of a session, among which the nearest is searched
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What is to be measured: conditions, and the path that each of n samples is on."""
+    """Planned samples: their conditions, and the path that each of the n samples is on."""
 
-    at: Conditions  # reading and its speed are not looked at
-    path: Index  # (n,) `AT_REST` for a stop, which is a move of its own
+    at: Conditions  # reading and its speed are not used
+    path: Index  # (n,) `AT_REST` for a stop, which has a move of its own
 
     def __len__(self) -> int:
         return len(self.path)
@@ -51,7 +51,7 @@ class Samples:
 
 
 def stacked(parts: Sequence[Samples]) -> Samples:
-    """All of them one after the other, each path one of its own."""
+    """Concatenate sets of samples; paths of different sets get different numbers."""
     at, path = parts[0].at, [parts[0].path]
     for part in parts[1:]:
         at = joined(at, part.at)
@@ -62,28 +62,28 @@ def stacked(parts: Sequence[Samples]) -> Samples:
 
 @dataclass(frozen=True)
 class Foresight:
-    """A fit, about which it is foreseen what samples would tell."""
+    """Predictor of the evidence that planned samples would give, about a fit."""
 
     chain: Chain
     theta: Array  # (P,)
     scale: Array  # (s, s) from the unknowns that all samples share, z, to theta
-    precision: Array  # (s,) of z: 1 / variance of its prior, 0 where it has none
+    precision: Array  # (s,) of z: 1 / variance of its prior, 0 if it has none
     whiten: Callable[[Samples, Array], Array]  # of samples and poses, (n, 3, 3) [1/m]
 
     @classmethod
     def about(cls, evidence: LinearizedModel) -> Foresight:
-        """About the fit of a session, with noise like that of its samples nearby."""
+        """Predictor about the fit of a session, with the noise of its nearest samples."""
         chain, base = evidence.chain, evidence.chain.layout.base
         return cls(
             chain, evidence.theta, _scale(evidence), evidence.precision[base], _Noise(evidence)
         )
 
     def pose(self, samples: Samples) -> Array:
-        """Where the machine stands at the samples, (n, k); NaN rows out of reach."""
+        """Pose of the platform at the samples, (n, k); rows out of reach are NaN."""
         return self.chain.pose(samples.at, self.theta)
 
     def evidence(self, samples: Samples, x: Array) -> LinearizedModel:
-        """The samples, all within reach and at x (n, k), as evidence; their residuals are zero."""
+        """Evidence of samples within reach at poses x (n, k), with residuals of zero."""
         at, whiten = samples.at, self.whiten(samples, x)
         seen = self.chain.see(at, self.theta, x)
         columns = whiten @ seen.jacobian[..., self.chain.layout.base] @ self.scale
@@ -110,12 +110,12 @@ class Foresight:
 
 @dataclass(frozen=True)
 class _Noise:
-    """Whitening of new samples by that of the nearest one of their kind in a session."""
+    """Whitening of new samples, copied from the nearest sample of their kind in a session."""
 
     evidence: LinearizedModel
 
     def __call__(self, samples: Samples, x: Array) -> Array:
-        """(n, 3, 3) [1/m]."""
+        """Whitening of the samples, (n, 3, 3) [1/m]."""
         del x
         good = np.flatnonzero(self.evidence.believed)
         resting = good < self.evidence.poses
@@ -132,7 +132,7 @@ class _Noise:
 
 
 def _scale(evidence: LinearizedModel) -> Array:
-    """S with d(theta) = S z of the nuisance's first columns, read off one sample."""
+    """Scale S with d(theta) = S z for the first columns of the nuisance, from one sample."""
     chain, layout = evidence.chain, evidence.chain.layout
     row = [int(np.flatnonzero(evidence.believed)[0])]
     slope = chain.jacobian(evidence.at.take(np.array(row)), evidence.theta, evidence.pose[row])[0]
@@ -156,7 +156,7 @@ class Products:
 
     @classmethod
     def of(cls, evidence: LinearizedModel, columns: Array) -> Products:
-        """Of columns (d n, k); nuisance beyond what all samples share is projected out."""
+        """Products of columns (d n, k); nuisance that not all samples share is projected out."""
         size, every = evidence.chain.layout.base.stop, len(evidence.precision)
         across = evidence.along(Plain(columns))
         own = evidence.rest.inner(columns)
@@ -177,11 +177,11 @@ class Products:
         )
 
     def times(self, count: float) -> Products:
-        """Of so many times as many samples."""
+        """Products of `count` times as many samples."""
         return Products(count * self.shared, count * self.across, count * self.own)
 
     def information(self, precision: Array, nuisance: Mask) -> Array:
-        """G, (k, k), with some of the shared unknowns (s,) taken for possible."""
+        """Information G, (k, k), with those of the shared unknowns (s,) in `nuisance` free."""
         normal = self.shared[np.ix_(nuisance, nuisance)] + np.diag(precision[nuisance])
         across = self.across[nuisance]
         return np.asarray(self.own - across.T @ cho_solve(cho_factor(normal), across))

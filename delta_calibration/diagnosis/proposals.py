@@ -1,7 +1,7 @@
-"""What a cell could measure next, from the cheapest to the dearest.
+"""Proposals of further measurements, from the cheapest to the most expensive.
 
-Each proposal is a sentence for people and the samples that following it would add to a session:
-ten of its poses under other conditions, or motion that it has not seen.
+Each proposal is a sentence for people and the samples that it would add to a session: some of its
+poses again or under other conditions, poses elsewhere, or paths.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _TEN = 10
-_STOP = 40.0  # [s] from stop to stop
+_STOP = 40.0  # [s] between stops
 _HOUR = 3600.0  # [s]
-_SHORT = 0.01  # [rad of a Delta] how far short of a stop the joints turn round
+_SHORT = 0.01  # [rad of a Delta] travel of the joints from their last reversal to a stop
 _PAYLOAD = 2.0  # [kg]
 _WARMING = 10.0  # [K]
 _COOLING = 1200.0  # [s] time constant
-_REGULAR = 10.0  # largest condition of a pose worth measuring
+_REGULAR = 10.0  # largest condition number of a pose worth measuring
 _RADII = (0.2, 0.1, 0.05)  # [m] of the circles
 _ROUND = (10.0, 5.0, 2.5)  # [s] a turn
 _ON_CIRCLE = 24
@@ -40,7 +40,7 @@ _DRAWN = 256
 
 @dataclass(frozen=True)
 class Experiment:
-    """Something to measure: a sentence for people, and the samples it adds."""
+    """A proposed measurement: a sentence for people, and the samples that it adds."""
 
     sentence: str
     samples: Samples
@@ -48,7 +48,7 @@ class Experiment:
 
 @dataclass(frozen=True)
 class Session:
-    """What has been measured, as far as a proposal goes by it."""
+    """The data of a session that proposals are based on."""
 
     at: Conditions  # of the stops
     end: float  # [s]
@@ -57,13 +57,13 @@ class Session:
     upper: Array  # (m,) [rad]
 
     def ten(self, count: int = _TEN) -> Conditions:
-        """As many of the stops, spread out, one after the other from the session's end on."""
+        """`count` stops of the session, spread out and repeated one by one after its end."""
         places = spread_out(self.at.joint, count)
         rows = cdist(places, self.at.joint).argmin(axis=1)
         return self.later(self.at.take(rows), _STOP)
 
     def later(self, at: Conditions, begin: float) -> Conditions:
-        """The stops from so long after the session's end on [s]; nothing moves."""
+        """The stops at rest, the first `begin` [s] after the session's end."""
         still = np.zeros_like(at.joint)
         return replace(
             at,
@@ -80,7 +80,7 @@ class Session:
         return self.later(replace(last, joint=joint), begin)
 
     def usable(self, joint: Array) -> NDArray[np.bool_]:
-        """Joint angles within the limits where the drawing is well conditioned, (n,)."""
+        """Mask of joint angles within limits at which the nominal machine is well conditioned."""
         nominal = self.mechanism.parameters.nominal
         within = ((joint >= self.lower) & (joint <= self.upper)).all(axis=1)
         x = self.mechanism.forward(joint, nominal)
@@ -90,7 +90,7 @@ class Session:
 
 
 def proposals(session: Session) -> Iterator[Experiment]:
-    """Everything worth proposing, the cheapest first."""
+    """All proposals that are possible on this machine, the cheapest first."""
     for propose in _PROPOSALS:
         proposed = propose(session)
         if proposed is not None and len(proposed.samples.path):
@@ -123,7 +123,7 @@ def _payload(session: Session) -> Experiment:
 
 
 def _farther(session: Session) -> Experiment | None:
-    """Usable places, each the farthest from those measured and those before it."""
+    """New poses, each the farthest from those measured and those already chosen."""
     share = halton(_DRAWN, len(session.lower))
     box = session.lower + share * (session.upper - session.lower)
     box = box[session.usable(box)]
@@ -143,7 +143,7 @@ def _farther(session: Session) -> Experiment | None:
 
 
 def _circles(session: Session) -> Experiment | None:
-    """The widest circle that can be driven, at three speeds, both ways round."""
+    """The largest circle within reach, at three speeds and in both directions."""
     mechanism, nominal = session.mechanism, session.mechanism.parameters.nominal
     middle = mechanism.forward(session.at.joint, nominal)[:, : mechanism.task_size].mean(axis=0)
     turn = np.linspace(0, 2 * np.pi, _ON_CIRCLE, endpoint=False)
@@ -161,7 +161,7 @@ def _circles(session: Session) -> Experiment | None:
 
 
 def _sweeps(session: Session) -> Experiment | None:
-    """Each joint there and back over all that it can with the others in the middle."""
+    """Each joint back and forth over its usable range, with the others at their median."""
     mechanism = session.mechanism
     if mechanism.joints != mechanism.task_size:  # none can be moved alone
         return None
@@ -185,7 +185,7 @@ def _sweeps(session: Session) -> Experiment | None:
 
 
 def _moving(session: Session, ways: list[tuple[Array, float]], closed: bool) -> Samples:
-    """Joint angles on paths, each with its time step [s]."""
+    """Samples on paths, each given by its joint angles and time step [s]."""
     parts = [_motion(joint, step, closed) for joint, step in ways]
     joint = np.concatenate([joint for joint, _ in ways])
     velocity, acceleration = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
@@ -202,7 +202,7 @@ def _moving(session: Session, ways: list[tuple[Array, float]], closed: bool) -> 
 
 
 def _motion(joint: Array, step: float, closed: bool) -> tuple[Array, Array]:
-    """Speed and acceleration at even steps along a way, two (n, m)."""
+    """Joint speeds and accelerations at even time steps along a path, (n, m) each."""
     if closed:
         after, before = np.roll(joint, -1, axis=0), np.roll(joint, 1, axis=0)
         return (after - before) / (2 * step), (after - 2 * joint + before) / step**2
@@ -218,7 +218,7 @@ def _warm(session: Session) -> Experiment:
 
 
 def _cooling(session: Session) -> Experiment:
-    """Five poses every ten minutes; from 10 K above the session's begin if it was no warmer."""
+    """Five poses every ten minutes while cooling, from at least 10 K above the session's begin."""
     rounds, reference = 6, session.ten(5)
     row = np.tile(np.arange(len(reference)), rounds)
     since = np.repeat(_HOUR / rounds * np.arange(rounds), len(reference))

@@ -1,18 +1,20 @@
-"""Whether what is left is noise.
+"""Tests whether the residuals of a fit are noise.
 
-Lack of fit: the residuals of the poses against the noise that repeats show. Moran's I: whether
-neighbours in place, joint angles, time or direction, or along a motion, err alike,
+Lack of fit: the residuals of the poses against the noise estimated from repeats. Moran's I:
+whether neighbours in position, joint angles, time or direction, or along a motion, have similar
+residuals,
 
     I = sum_ij w_ij r_i . r_j / sum_i r_i . r_i        w: the nearest neighbours of each
 
-Both are compared with draws of chance that went through the same fit, which leaves its own traces
-in residuals. No model is perfect: chance may have structure beside it that is too small to matter,
-of m = 0.05 times the noise, 0.15 in motion. With E c what chance makes of chi square c, it raises
-c by m^2 E c, and I by m^2 (E c / c)^2: where residuals are far below the noise that repeats show,
-that is gross errors, and a fit that believes it leaves structure of its own.
+Both are compared with simulated noise that went through the same fit, because a fit leaves traces
+of its own in the residuals. No model is perfect: structure too small to matter is allowed beside
+the noise, m = 0.05 times as large at rest, 0.15 times in motion. With E c the mean chi square c of
+simulated noise, it raises c by m^2 E c, and I by m^2 (E c / c)^2: if the residuals are far below
+the noise of the repeats, this noise comes from gross errors, and a fit weighted by it leaves
+structure of its own.
 
-Poses that were set aside as gross errors have nothing to do with one another if they are: each
-misses in a direction of its own. Where neighbours among them miss alike, they are no outliers.
+True gross errors are independent: each pose misses in a direction of its own. If neighbours among
+the poses set aside as gross errors miss alike, they are no outliers.
 """
 
 from __future__ import annotations
@@ -36,37 +38,37 @@ Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
 _DRAWS, _AT_A_TIME = 200, 50
-_MORE = 20  # times as many more
-_CLOSE = 20.0  # factor above ALPHA within which these are made
+_MORE = 20  # further sets of draws if p is close to ALPHA
+_CLOSE = 20.0  # factor above ALPHA up to which these are made
 _FAR = 1000.0  # the same below: tails of a few draws may be that much too short
 _NEIGHBOURS = 6
 _LOOKED_AT = 24  # nearest ones among which neighbours are taken
-_APART = 10.0  # [rad] that directions are set apart by
-_SOON = 30.0  # [s]
-_FEWEST_ASIDE = 3  # poses set aside that can be asked whether they miss alike
+_APART = 10.0  # [rad] of a coordinate per unit of direction, which is -1 to 1
+_SOON = 30.0  # [s] least time between neighbours
+_FEWEST_ASIDE = 3  # fewest poses set aside that can be tested for missing alike
 _TURNS = 2000  # draws of their directions
 
 
 @dataclass(frozen=True)
 class ResidualTests:
-    """Probabilities that chance leaves as much."""
+    """Results of the tests: p values, and size and place of the structure in the residuals."""
 
-    p: dict[str, float]
-    excess: float  # [m] root mean square of what is left at the poses beyond the noise
-    in_motion: float  # [m] of what goes along with motions
-    worst: Array  # (3,) [m] place in the base where it is largest
+    p: dict[str, float]  # by test: probability that noise alone leaves as much
+    excess: float  # [m] root mean square of the poses' residuals beyond the noise
+    in_motion: float  # [m] root mean square of the structure along motions
+    worst: Array  # (3,) [m] position in the base with the largest mean residual of neighbours
 
 
 def audit(
     evidence: LinearizedModel, noise_degrees: float, rng: np.random.Generator
 ) -> ResidualTests:
-    """Test what a model leaves of the residuals.
+    """Test whether the residuals of a model are noise.
 
-    Where the answer hangs on the draws, many more are made.
+    If a p value is close to the threshold, many more draws are made.
 
     Args:
-        evidence: with everything that the model holds in its nuisance.
-        noise_degrees: of freedom of the stated noise.
+        evidence: with all terms of the model in its nuisance.
+        noise_degrees: degrees of freedom of the noise estimate.
         rng: of the draws.
     """
     asked, every = _asked(evidence), evidence.left()
@@ -92,16 +94,16 @@ def audit(
 
 @dataclass(frozen=True)
 class _Neighbourhood:
-    """Whether these neighbours err alike is asked of these rows."""
+    """One Moran test: the samples tested, their neighbours and the structure allowed."""
 
     name: str
     rows: Index
     near: Near
-    slight: float  # share of the noise that structure may be of
+    slight: float  # allowed structure as a share of the noise
 
 
 def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
-    """Of the poses in several spaces, and of readings in motion."""
+    """The Moran tests to make: of the poses in several spaces, and of readings in motion."""
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
     spaces = _neighbourhoods(evidence, rows).items()
     asked = [_Neighbourhood(f"moran_{name}", rows, near, SLIGHT) for name, near in spaces]
@@ -113,7 +115,7 @@ def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
 def _drawn(
     evidence: LinearizedModel, asked: Sequence[_Neighbourhood], rng: np.random.Generator
 ) -> list[Array]:
-    """Chi square and Moran's I of draws of chance, (2, draws) for each neighbourhood."""
+    """Chi square and Moran's I of simulated noise, (2, draws) for each neighbourhood."""
     drawn = evidence.draw(_DRAWS, rng)
     some = [slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME)]
     for own in some:  # all of them are a hundred megabytes: in place
@@ -135,7 +137,7 @@ def _square_and_likeness(chance: Array, near: Near) -> Array:
 def _probabilities(
     left: Array, asked: Sequence[_Neighbourhood], chance: Sequence[Array], noise_degrees: float
 ) -> dict[str, float]:
-    """p of what is left (n, d) beside draws of chance."""
+    """p of each test, from residuals (n, d) and simulated noise."""
     square, squares = float(np.sum(left[asked[0].rows] ** 2)), chance[0][0]
     spread = np.sqrt(squares.var() + 2 * squares.mean() ** 2 / noise_degrees)
     degrees = 2 * (squares.mean() / spread) ** 2  # of the chi square with this mean and spread
@@ -148,11 +150,11 @@ def _probabilities(
 
 
 def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> float | None:
-    """p of poses set aside that miss as their neighbours do; None where they are too few.
+    """p that poses set aside miss as much alike by chance; None if they are too few.
 
     Args:
         missed: measured less predicted by the fit that set them aside, (k, 3) [m].
-        at: their conditions; neighbours are those by joint angles.
+        at: their conditions; neighbours are nearest in joint angles.
         rng: of the draws.
     """
     near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
@@ -163,12 +165,12 @@ def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> flo
 
 
 def _directions(missed: Array) -> Array:
-    """Unit vectors of (k, 3, draws): one reading of another reflector must not decide alone."""
+    """Unit vectors of (k, 3, draws), so that one reading of another reflector does not decide."""
     return np.asarray(missed / np.linalg.norm(missed, axis=1, keepdims=True))
 
 
 def _alike(left: Array, asked: _Neighbourhood, chance: Array) -> float:
-    """p of neighbours' likeness among residuals (n, d), beside draws of chance (2, draws)."""
+    """p of Moran's I of residuals (n, d), from chi square and I of simulated noise (2, draws)."""
     if not asked.near[1].any():
         return 1.0
     over = float(np.mean(chance[0])) / max(float(np.sum(left**2)), 1e-300)
@@ -177,7 +179,7 @@ def _alike(left: Array, asked: _Neighbourhood, chance: Array) -> float:
 
 
 def _beyond(own: float, drawn: Array, allowed: float) -> float:
-    """p of neighbours' likeness that exceeds chance's by more than what is allowed."""
+    """p that Moran's I of noise exceeds `own` less what is allowed, from draws."""
     if drawn.std() == 0:
         return 1.0
     far = (own - allowed - drawn.mean()) / drawn.std()
@@ -186,10 +188,10 @@ def _beyond(own: float, drawn: Array, allowed: float) -> float:
 
 
 def _of_tails(far: float, heavy: float, skewed: float) -> float:
-    """What tails heavier than Pearson's of this skewness add to p (Edgeworth's fourth moment).
+    """Addition to p by tails heavier than Pearson's of this skewness (Edgeworth's fourth moment).
 
-    Without it p of 3 in 10 000 come twice as often: Moran's I of a hundred poses has an excess of
-    0.2.
+    Without it p below 3 in 10 000 would occur twice as often: Moran's I of a hundred poses has an
+    excess kurtosis of 0.2.
     """
     more = max(0.0, heavy - 1.5 * skewed**2)
     density = np.exp(-(far**2) / 2.0) / np.sqrt(2 * np.pi)
@@ -197,9 +199,9 @@ def _of_tails(far: float, heavy: float, skewed: float) -> float:
 
 
 def _along(path: Index) -> Near:
-    """The next readings of the same motion, the nearest first: waves may be short.
+    """Neighbours along a motion: the next readings, with weight 1 / distance.
 
-    So a wave of four readings and one of forty are both seen.
+    Waves may be short: one of four readings and one of forty are then both detected.
     """
     ahead = np.arange(1, _NEIGHBOURS + 1)
     places = np.arange(len(path))[:, None] + ahead
@@ -210,7 +212,7 @@ def _along(path: Index) -> Near:
 def _going_along(
     evidence: LinearizedModel, left: Array, asked: _Neighbourhood, chance: Array
 ) -> float:
-    """Root mean square of what neighbours on a path have in common beyond chance [m]."""
+    """Root mean square of the residual that neighbours on a path share, beyond chance [m]."""
     if not asked.near[1].any():
         return 0.0
     common = _moran(left[asked.rows][:, :, None], asked.near)[0] - chance[1].mean()
@@ -219,10 +221,10 @@ def _going_along(
 
 
 def _neighbourhoods(evidence: LinearizedModel, rows: Index) -> dict[str, Near]:
-    """Neighbours of each pose in several spaces: who they are, (n, k), and their weights, (n, k).
+    """Neighbours of each pose in several spaces: their indices and weights, (n, k) each.
 
-    Poses of one half minute do not count as neighbours: between stops that follow each other the
-    joints may not have left their rest.
+    Poses within half a minute do not count as neighbours: between consecutive stops the joints
+    may have kept their rest error.
     """
     at = evidence.at.take(rows)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
@@ -234,7 +236,7 @@ def _neighbourhoods(evidence: LinearizedModel, rows: Index) -> dict[str, Near]:
 
 
 def _nearest(where: Array, time: Array) -> Near:
-    """The nearest others that were not measured within the half minute."""
+    """Neighbours in a space: the nearest samples at least half a minute away in time."""
     count = min(_LOOKED_AT, len(where))
     near = cKDTree(where).query(where, k=count)[1].reshape(len(where), count)
     apart = np.abs(time[near] - time[:, None]) >= _SOON
@@ -243,7 +245,7 @@ def _nearest(where: Array, time: Array) -> Near:
 
 
 def _next(time: Array) -> Near:
-    """The next ones in time after the half minute."""
+    """Neighbours in time: the next samples after half a minute."""
     order = np.argsort(time)
     begin = np.searchsorted(time[order], time + _SOON)
     places = begin[:, None] + np.arange(_NEIGHBOURS)
@@ -252,7 +254,7 @@ def _next(time: Array) -> Near:
 
 
 def _moran(residual: Array, near: Near) -> Array:
-    """I of residuals (n, d, draws), (draws,): the mean likeness of neighbours."""
+    """Moran's I of residuals (n, d, draws), (draws,): the mean correlation of neighbours."""
     others, weight = near
     alike = np.zeros(residual.shape[2])
     for column in range(others.shape[1]):

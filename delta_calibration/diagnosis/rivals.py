@@ -1,17 +1,18 @@
-"""How sure a name is: what else would explain the same, and how well.
+"""Confidence in the name of a cause, from how well its rivals explain the same signal.
 
-The confidence in a cause and those of its class is their share of the probability among all that
-was tried in their place, the other terms staying:
+The confidence in a class of causes is its share of the probability among all candidates that were
+tried in its place, with the other terms kept:
 
     P = 0.98 (1 - exp(-lambda / 25)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
-c being chi square per degree of freedom. The first two factors are for what was not tried. Some
-causes that no catalogue has move the readings as one of it does: one in fifty. And a weak signal
-of any origin has something of some cause in it: names need lambda of 80 to 160.
+c is chi square per degree of freedom; s are the causes of the class, a all candidates. The first
+two factors allow for causes that were not tried. One cause in fifty is in no catalogue but moves
+the readings like one that is. And a weak signal of any origin resembles some cause in part: names
+need lambda of 80 to 160.
 
-Two explanations are one class where the signal of the one, as found, lies within 18 degrees of
-what the other can do (cos > 0.95), after all nuisance, and the other leaves no more unexplained
-than chance might.
+Two explanations are one class if, after all nuisance, the signal of the one, as found, lies within
+18 degrees of the span of the other's columns (cos > 0.95), and the other leaves no more of it
+unexplained than chance might.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _NOTHING = ""
 
 @dataclass(frozen=True)
 class Rivalry:
-    """A term among its rivals."""
+    """Confidence in a term, the causes equivalent to it, and its signal."""
 
     confidence: float
     equivalents: tuple[Candidate, ...]  # other causes of its class, nearest first
@@ -45,7 +46,7 @@ class Rivalry:
 
 
 def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
-    """How a term stands against everything that was tried in its place."""
+    """Compare a term with every candidate that was tried in its place."""
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))
@@ -62,22 +63,23 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
 
 
 def _within(candidate: Candidate, term: Candidate) -> bool:
-    """Whether a term explains all that a candidate of the same cause could.
+    """Whether a candidate is of the same cause as a term and has no parameters beyond it.
 
-    One joint's lag beside a late clock does not: lags of all joints may be what both are.
+    If the term is the lag of one joint, the lags of all joints are a rival of the other terms: a
+    late clock and the lag of one joint together can be the lags of all.
     """
     return candidate.same_cause(term) and set(candidate.rows) <= set(term.rows)
 
 
 def named(signal: float) -> float:
-    """How far a signal of this lambda is enough for a name."""
+    """Largest confidence in a name that a signal of this lambda allows."""
     return KNOWN * float(1 - np.exp(-signal / NAMING))
 
 
 def equivalents(
     evidence: LinearizedModel, signal: Array, others: Sequence[Score], misfit: float = 1.0
 ) -> tuple[Candidate, ...]:
-    """The candidates that can do what the signal (d n,) does, one a cause, nearest first."""
+    """Candidates that can reproduce the signal (d n,), the best of each cause, nearest first."""
     weighed = evidence.weigh(signal[:, None])[:, 0]
     length = float(signal @ weighed)
     near: dict[str, tuple[float, Candidate]] = {}
@@ -94,7 +96,7 @@ def equivalents(
 
 
 def reached(information: Array, along: Array) -> float:
-    """Squared length of the projection on columns of this information."""
+    """Squared projection of a signal onto columns, from their products `along` with it."""
     values, axes = np.linalg.eigh(information)
     shown = values > _RANK * max(float(values[-1]), 1e-300)
     return float(np.sum((axes[:, shown].T @ along) ** 2 / values[shown]))
@@ -108,7 +110,7 @@ def _confidence(
     term: Candidate,
     causes: set[str],
 ) -> float:
-    """Share of the probability that falls to the term's class of causes."""
+    """Share of the term's class of causes in the probability of all candidates."""
     always = [as_score(m, tried) for m in rest]
     one = [as_score(term, tried), *others]
     together = JointFit.one_beside(model.evidence, always, one)

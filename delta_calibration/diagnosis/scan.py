@@ -1,4 +1,4 @@
-"""Everything that could explain a session, each by itself: how well, and whether chance would."""
+"""Scan of all candidate explanations of a session, each alone: Bayes factor and significance."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ _DRAWS = 64
 
 @dataclass(frozen=True)
 class Scan:
-    """Everything tried on one evidence, best first."""
+    """Scores of all candidates tried on one evidence, best first."""
 
     scores: tuple[Score, ...]
-    tests: int  # how many questions were asked
+    tests: int  # number of tests made, for the correction of p
 
     def significant(self, score: Score) -> bool:
-        """Whether chance would give this much once in 1/ALPHA sessions, of all that was asked."""
+        """Whether the F test, corrected for the number of tests, has p < ALPHA."""
         return bool(score.log_p + np.log(self.tests) < np.log(ALPHA))
 
     @property
     def left(self) -> Score | None:
-        """The likeliest explanation of what is left, where that is plainly something."""
+        """The likeliest explanation of the residuals; None if evidence for it is not strong."""
         return next(self._plain(), None)
 
     @property
     def map(self) -> Score | None:
-        """The likeliest map of what is left, where that is plainly something."""
+        """The likeliest map of the residuals; None if evidence for it is not strong."""
         return next((s for s in self._plain() if s.candidate.unexplained), None)
 
     @property
@@ -51,11 +51,11 @@ class Scan:
 
     @property
     def nameless(self) -> bool:
-        """Whether something is left that a map explains better than any cause."""
+        """Whether structure is left that a map explains better than any cause."""
         return self.left is not None and self.left.candidate.unexplained
 
     def without(self, causes: Sequence[Candidate]) -> Scan:
-        """The scan without what is said to be of some causes."""
+        """The scan without the scores of some causes."""
         kept = (s for s in self.scores if not any(s.candidate.same_cause(c) for c in causes))
         return Scan(tuple(kept), self.tests)
 
@@ -72,15 +72,15 @@ def scan(
     used: Sequence[Candidate] = (),
     weights: Weights = (),
 ) -> Scan:
-    """Score every explanation that is not used already.
+    """Score every explanation that is not yet in use.
 
     Args:
-        evidence: what is to be explained.
-        effects: what is tried, beside dimensions and maps.
-        noise_degrees: of freedom of the stated noise.
+        evidence: the residuals to explain.
+        effects: effects to try, in addition to dimensions and maps.
+        noise_degrees: degrees of freedom of the noise estimate.
         rng: of the bootstrap.
-        used: explanations that are in the evidence.
-        weights: by how much some causes are likelier than the average; others are as likely.
+        used: explanations that are already in the evidence.
+        weights: factors by which causes are likelier than the average; 1 for all others.
     """
     weighed = replace(Weighed.of(evidence, noise_degrees, _DRAWS, rng), weights=weights)
     questions = [*_of_effects(evidence, effects, used), *_of_the_rest(evidence, effects, used)]
@@ -91,7 +91,7 @@ def scan(
 def reshaped(
     model: Fitted, kept: Sequence[Candidate], effects: Sequence[Effect], rng: np.random.Generator
 ) -> list[Score]:
-    """Causes of several shapes, each in its best one beside some of the terms; best first."""
+    """Scores of causes with several shapes, each in its best shape beside the kept terms."""
     evidence = beside(model.evidence, kept)
     weighed = Weighed.of(evidence, model.noise_degrees, _DRAWS, rng)
     weighed = replace(weighed, weights=_weights(model, effects))
@@ -100,20 +100,20 @@ def reshaped(
 
 
 def _explored(weighed: Weighed, questions: list[list[list[Candidate]]]) -> list[Score]:
-    questions.sort(key=len, reverse=True)  # the long searches first, so that no thread waits
+    questions.sort(key=len, reverse=True)  # long searches first, so that no thread waits
     with ThreadPoolExecutor(THREADS) as pool:
         scores = [score for some in pool.map(weighed.explore, questions) for score in some]
     return sorted(scores, key=lambda score: -score.log_bayes)
 
 
 def scanned(model: Fitted, effects: Sequence[Effect], rng: np.random.Generator) -> Scan:
-    """What is left beside the terms of a model."""
+    """Scan of what the terms of a model leave unexplained."""
     weights = _weights(model, effects)
     return scan(model.beside, effects, model.noise_degrees, rng, model.terms, weights)
 
 
 def _weights(model: Fitted, effects: Sequence[Effect]) -> Weights:
-    """How much likelier each cause is in machines of this type, where that is known."""
+    """Weight of each cause in machines of this type against the average cause, if known."""
     if model.population is None:
         return ()
     return model.population.weights([effect.cause for effect in effects])
@@ -122,7 +122,7 @@ def _weights(model: Fitted, effects: Sequence[Effect]) -> Weights:
 def _of_effects(
     evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
-    """What to explore: for each effect its shapes, for each shape the whole and its parts."""
+    """Candidates to explore: for each effect its shapes, for each shape the whole and parts."""
     for effect in effects:
         shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
         groups = [
@@ -136,14 +136,14 @@ def _of_effects(
 def _of_the_rest(
     evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
-    """The same of dimensions and maps."""
+    """Candidates to explore that are no effects of the catalogue: dimensions and maps."""
     for group in (*([one] for one in dimensions(evidence)), *maps(evidence, effects[0])):
         if not any(_covers(other, group[0]) for other in used):
             yield [group]
 
 
 def _covers(used: Candidate, candidate: Candidate) -> bool:
-    """Whether all that the candidate could explain is in use."""
+    """Whether a used explanation already contains all parameters of the candidate."""
     if candidate.effect is None or used.effect is None:
         return used.effect is candidate.effect and used.rows == candidate.rows
     return used.same_cause(candidate) and set(candidate.rows) <= set(used.rows)

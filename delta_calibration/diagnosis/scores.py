@@ -1,23 +1,24 @@
-"""How well a candidate explains the evidence: by how much, how surely, and at what price.
+"""Scores of candidate explanations: decrease of chi square, F test and Bayes factor.
 
-Two answers for two questions. Whether there is anything: the F test of the group, corrected for
-everything that was tried. What it is: the Bayes factor against nothing, in which an explanation
-pays for every parameter with what it could have explained and did not.
+Two questions need two answers. Whether there is an effect at all: the F test of the candidate's
+parameters, corrected for everything that was tried. Which effect it is: the Bayes factor against
+no effect, in which an explanation pays for every parameter by the range of data that it could
+have explained.
 
     D = 2 b v - v G v                   decrease of chi square at v, G = <X, X>, b = <X, r>
     D / a ~ chi^2 of d degrees          by chance; a d = sum u, a^2 d = sum u^2 (Satterthwaite),
                                         u = 1 - L^2 / (g + L)^2, g the eigenvalues of G
     ln B = b' (G + L)^-1 b / 2 - ln det(1 + G / L) / 2        v ~ N(0, 1/L)
 
-A cause has a size of its own, which its parameters share: L = 1/s^2 with ln s anywhere in three
-decades, integrated by Laplace about the s of the largest likelihood. That three joints trail
-alike much costs one size, and not three values out of all that each could be.
+A cause has an unknown size that its parameters share: L = 1/s^2 with ln s uniform over three
+decades, integrated by Laplace's method about the s of the largest likelihood. If three joints lag
+by similar amounts, the cause pays for one size, not for three independent values.
 
-A candidate whose shape was searched pays for the search as well: the parametric bootstrap of the
-largest D over all shapes says how many independent tries it was worth, and both answers are
-charged with that number. A map pays in ln B alike for all sizes and widths that it could have
-had; the tests of these are counted one by one. A cause that is so many times likelier than causes
-are on average, as machines of the same type have it, is charged with so many tries less.
+A candidate whose shape was searched pays for the search as well: a parametric bootstrap of the
+largest D over all shapes gives the number of independent tries, and both p and ln B are corrected
+by it. A map pays in ln B for all sizes and widths that it could have had; in the F test these are
+counted one by one. If a cause is some factor likelier than the average cause, according to
+machines of the same type, its number of tries is divided by that factor.
 """
 
 from __future__ import annotations
@@ -50,19 +51,19 @@ Array = NDArray[np.float64]
 PRECISION = 1 / SPREAD**2  # of a parameter in units of its typical size
 
 Weights = tuple[tuple[str, float], ...]  # causes, and how much likelier each is than the average
-_RANK = 1e-9  # share of the largest eigenvalue under which a direction is none
+_RANK = 1e-9  # share of the largest eigenvalue under which a direction counts as zero
 
 
 @dataclass(frozen=True)
 class Chance:
-    """What D is by chance: `unit` times a chi square of `degrees`."""
+    """Distribution of D by chance: `unit` times a chi square of `degrees`."""
 
     unit: float
     degrees: float
 
     @classmethod
     def of(cls, information: Array) -> Chance:
-        """Of columns with this information, (k, k), their values held by their priors."""
+        """Distribution for columns with this information, (k, k), and priors on their values."""
         held = PRECISION / (np.clip(np.linalg.eigvalsh(information), 0.0, None) + PRECISION)
         free = 1 - held**2
         total, square = float(free.sum()), float(np.sum(free**2))
@@ -74,28 +75,28 @@ class Chance:
         return self.unit * self.degrees
 
     def log_p(self, gain: float, noise_degrees: float) -> float:
-        """ln p of as large a decrease of chi square."""
+        """ln p of a decrease of chi square at least this large."""
         return log_p_of(gain / self.unit, self.degrees, noise_degrees)
 
 
 @dataclass(frozen=True)
 class Score:
-    """A candidate's case."""
+    """Score of a candidate: its most likely values, D, ln B and price of the search."""
 
     candidate: Candidate
     value: Array  # (k,) most likely, in units of the priors
-    information: Array  # (k, k) in `units`: a map's is that of all its sizes
+    information: Array  # (k, k) in `units`; all sizes of a map share it
     units: Array  # (k,) of the priors
     gain: float  # D
     log_bayes: float  # ln B, less the price of the search
     tries: float
-    noise_degrees: float  # of freedom of the stated noise
+    noise_degrees: float  # degrees of freedom of the noise estimate
 
     @cached_property
     def log_p(self) -> float:
-        """Natural logarithm of the F test's p value, times the tries of the search.
+        """ln of the F test's p value times the tries of the search, at most 0.
 
-        Of most candidates nobody asks for it, and of a map it takes longer than all else.
+        It is computed on demand: most candidates do not need it, and for a map it is slow.
         """
         information = _scaled(self.information, self.units)
         log_p = Chance.of(information).log_p(self.gain, self.noise_degrees)
@@ -103,13 +104,13 @@ class Score:
 
     @property
     def degrees(self) -> int:
-        """Parameters of the candidate."""
+        """Number of the candidate's parameters."""
         return len(self.value)
 
 
 @dataclass(frozen=True)
 class _Best:
-    """The best shape so far, and the largest that chance made of any."""
+    """The best shape so far, and the largest D of any shape in each draw of noise."""
 
     gain: float
     candidate: Candidate
@@ -121,7 +122,7 @@ class _Best:
     shapes: int
 
     def or_better(self, other: _Best) -> _Best:
-        """The better of both, with what both tried."""
+        """The better of both, with the draws and the number of shapes of both."""
         better = other if other.gain > self.gain else self
         chance = np.maximum(self.chance, other.chance)
         return replace(better, chance=chance, shapes=self.shapes + other.shapes)
@@ -129,11 +130,11 @@ class _Best:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The residuals of an evidence and draws of chance, ready for many candidates."""
+    """The residuals of an evidence and draws of noise, ready to score many candidates."""
 
     evidence: LinearizedModel
     weighed: Array  # (d n, 1 + draws): V^-1 of the residuals, then of each draw
-    noise_degrees: float  # of freedom of the stated noise
+    noise_degrees: float  # degrees of freedom of the noise estimate
     every: Shapes  # the same, for explanations of several shapes
     weights: Weights = ()
 
@@ -141,7 +142,7 @@ class Weighed:
     def of(
         cls, evidence: LinearizedModel, noise_degrees: float, draws: int, rng: np.random.Generator
     ) -> Weighed:
-        """Draw and weigh."""
+        """Draw noise, and multiply residuals and draws by V^-1."""
         both = np.concatenate([evidence.column, evidence.draw(draws, rng)], axis=1)
         weighed = evidence.weigh(both)
         return cls(evidence, weighed, noise_degrees, Shapes(evidence, weighed))
@@ -150,8 +151,8 @@ class Weighed:
         """The best shape of each explanation, charged for the search.
 
         Args:
-            shapes: for each shape the candidates that share its columns, but for their units: all
-                of the effect first, then parts of it.
+            shapes: for each shape the candidates that share its columns except for units: the
+                whole effect first, then parts of it.
         """
         best: dict[int, _Best] = {}
         for groups, information, b in self._products(shapes):
@@ -171,15 +172,15 @@ class Weighed:
     def _products(
         self, shapes: Sequence[Sequence[Candidate]]
     ) -> Iterator[tuple[Sequence[Sequence[Candidate]], Array, Array]]:
-        """Groups of as many columns each with their products, (L, k, k) and (L, k, 1 + draws).
+        """Batches of groups of k columns with their products, (L, k, k) and (L, k, 1 + draws).
 
-        Some at a time: the nuisance is large. What chance makes of a shape counts only where it is
-        one of several.
+        Batches are small because the nuisance is large. Products with the draws are needed only
+        if there are several shapes.
         """
         asked = self.weighed.shape[1] if len(shapes) > 1 else 1
         for _, alike in groupby(shapes, lambda group: len(group[0].rows)):
             groups = list(alike)
-            if groups[0][0].unexplained:  # there is one of so many columns
+            if groups[0][0].unexplained:  # a map is the only group with its number of columns
                 one = all_columns([groups[0][0]], self.evidence)
                 b = one.along(self.weighed[:, :asked])
                 yield groups, self.evidence.information_of(one)[None], b[None]
@@ -196,7 +197,7 @@ class Weighed:
         return self._score(best, tries)
 
     def _score(self, best: _Best, tries: float) -> Score:
-        """The case of a candidate at its most likely values."""
+        """The score of a candidate at its most likely values."""
         candidate, value, b = best.candidate, best.value, best.b
         information = _scaled(best.information, best.units)
         spans = [slice(0, len(value))] if candidate.sized else []
@@ -213,12 +214,12 @@ class Weighed:
 
 
 def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Array) -> _Best:
-    """The best of some shapes of an explanation, and what chance makes of any.
+    """The best of some shapes of an explanation, and the largest D of any in each draw.
 
     Args:
-        shapes: of as many parameters each, (L,).
+        shapes: of k parameters each, (L,).
         products: information of their parameters in some units, (L, k, k).
-        b: along their columns, of the residuals and of each draw, (L, k, 1 + draws).
+        b: products of their columns with the residuals and with each draw, (L, k, 1 + draws).
         units: those units, (k,).
     """
     information, b = _scaled(products, units), units[:, None] * b
@@ -234,12 +235,12 @@ def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Arra
 
 
 def _scaled(information: Array, units: Array) -> Array:
-    """Information (..., k, k) in units of the priors; itself where these are its own."""
+    """Information (..., k, k) in units of the priors; unchanged if all units are 1."""
     return information if (units == 1).all() else units[:, None] * information * units
 
 
 def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:
-    """v of the largest posterior within its bounds, (k,): the binding ones held one by one."""
+    """Values v of largest posterior within bounds, (k,); active bounds are fixed one by one."""
     normal = information + PRECISION * np.eye(len(b))
     held = np.zeros(len(b), dtype=bool)
     value = solved(normal, b)
@@ -261,8 +262,8 @@ def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Arr
 def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
     """ln p of the F test of k parameters that lower chi square by `gain`.
 
-    `noise_degrees` of freedom are those of the noise that chi square is counted in; infinite
-    where it is known.
+    `noise_degrees` are the degrees of freedom of the noise estimate in the unit of chi square;
+    infinite if the noise is known.
     """
     if not np.isfinite(noise_degrees):
         return float(log_chi2(gain, k))
@@ -270,17 +271,17 @@ def log_p_of(gain: float, k: float, noise_degrees: float) -> float:
 
 
 def decrease(information: Array, b: Array, value: Array) -> float:
-    """D at v, 0 where chi square grows."""
+    """D at v; 0 if chi square grows."""
     return max(0.0, change(information, b, value))
 
 
 def change(information: Array, b: Array, value: Array) -> float:
-    """D at v, negative where chi square grows."""
+    """D at v; negative if chi square grows."""
     return float(2 * b @ value - value @ information @ value)
 
 
 def free_decrease(information: Array, b: Array) -> Array:
-    """D at the best v without prior or bounds, (..., j), for each column of b (..., k, j)."""
+    """D at the best v without prior and bounds, (..., j), for each column of b (..., k, j)."""
     values, axes = np.linalg.eigh(information)
     shown = values > _RANK * np.maximum(values[..., -1:], 1e-300)
     square = (axes.swapaxes(-1, -2) @ b) ** 2
@@ -290,17 +291,17 @@ def free_decrease(information: Array, b: Array) -> Array:
 
 
 def log_bayes(information: Array, b: Array, value: Array, spans: Sequence[slice] = ()) -> float:
-    """ln B at v: the explained part less the price of the parameters."""
+    """ln B at v: half the decrease of chi square, less the price of the parameters."""
     explained = float(b @ value - value @ information @ value / 2)
     return explained - price_of(information, value, spans)
 
 
 def log_bayes_of_each(information: Array, b: Array, value: Array) -> Array:
-    """ln B of each of L explanations on its own, (L,); the values of each share one unknown size.
+    """ln B of each of L explanations alone, (L,); the values of each share one unknown size.
 
     Args:
         information: of their parameters, (L, k, k).
-        b: what of the residuals lies along their columns, (L, k).
+        b: products of their columns with the residuals, (L, k).
         value: their most likely values, (L, k).
     """
     explained = np.sum(value * (b - (information @ value[..., None])[..., 0] / 2), axis=-1)
@@ -309,12 +310,12 @@ def log_bayes_of_each(information: Array, b: Array, value: Array) -> Array:
 
 
 def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> float:
-    """What parameters of this information (k, k) pay for what they could have been.
+    """Price of parameters in ln B, for the range of values that they could have had.
 
     Args:
         information: of the parameters, (k, k).
-        value: theirs, (k,).
-        spans: those of explanations whose size is not known, each a size of its own.
+        value: of the parameters, (k,).
+        spans: parameters of each explanation whose size is not known; each has one size.
     """
     size, price = np.full(len(value), SPREAD), 0.0
     for span in spans:
@@ -324,7 +325,7 @@ def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> f
 
 
 def _of_one_size(value: Array) -> tuple[Array, float]:
-    """Size that values (..., k) of an explanation share, likeliest by them; what it costs."""
+    """The most likely size that values (..., k) of an explanation share, and its price."""
     rms = np.sqrt(np.mean(value**2, axis=-1, keepdims=True))
     size = np.clip(rms, SPREAD * np.exp(-log(DECADES)), SPREAD)
     return size, log(log(DECADES) / np.sqrt(pi / value.shape[-1]))
@@ -339,7 +340,7 @@ def _cost(information: Array, value: Array, size: Array) -> Array:
 
 
 def _log_determinant(matrix: Array) -> Array:
-    """Of what is positive definite but for rounding, (..., k, k) -> (...)."""
+    """ln determinant of matrices positive definite up to rounding, (..., k, k) -> (...)."""
     if matrix.ndim == 2:
         factor, failed = dpotrf(matrix)
         if not failed:
@@ -348,10 +349,10 @@ def _log_determinant(matrix: Array) -> Array:
 
 
 def _tries(largest: Array, k: int) -> float:
-    """Independent tries that the search is worth: of M, the least p has E ln(1/p) = ln M + gamma.
+    """Number M of independent tries of a search: the least p has E ln(1/p) = ln M + gamma.
 
     Args:
-        largest: D over all shapes in each draw of chance, (draws,).
-        k: parameters of a shape.
+        largest: largest D over all shapes in each draw of noise, (draws,).
+        k: number of parameters of a shape.
     """
     return float(max(1.0, np.exp(np.mean(-log_chi2(largest, k)) - EULER)))

@@ -1,8 +1,8 @@
-"""Which explanations hold, alone and together: fits of the sets that each fit suggests.
+"""Model search: find the set of explanations that holds, by repeated selection and full fits.
 
-About one fit the best set is sought among linear signals (`sets`); it is fitted in full, and what
-is then left suggests the next. Sets that rival it, a pair from the start, a cause in another's or
-a map's place, are fitted as well, as what one fit hides another may show.
+About one fit the best set is selected among linear signals (`model_selection.py`). It is fitted in
+full, and the residuals then suggest the next set. Rival sets are fitted as well, because one fit
+can show what another hides: a pair at the start, a cause in the place of another or of a map.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ from delta_calibration.effects import Effect
 
 @dataclass(frozen=True)
 class SearchResult:
-    """Where the search ended."""
+    """Result of the model search."""
 
     model: Fitted
-    first: Scan  # of the session as it came
-    last: Scan  # of what is left beside the terms
-    short: tuple[Score, ...]  # the best shape of everything worth a thought
+    first: Scan  # of the session before any term was found
+    last: Scan  # of the residuals beside the terms
+    short: tuple[Score, ...]  # of each explanation short-listed, in the best shape last found
 
     @property
     def mapped(self) -> bool:
@@ -60,20 +60,20 @@ class SearchResult:
 
     @property
     def tried(self) -> tuple[Score, ...]:
-        """The best shape of each explanation, of maps only those that are worth anything."""
+        """The best shape of each explanation, without maps that explain less than they cost."""
         every = {score.candidate.key: score for score in worth_a_map(self.first)[::-1]}
         return tuple({**every, **{score.candidate.key: score for score in self.short}}.values())
 
 
 @dataclass
 class _Fits:
-    """Sets of explanations fitted from the machine without any: each once, however often asked."""
+    """Cache of full fits of sets of explanations, each started from the machine without any."""
 
     bare: Fitted
     known: dict[tuple[Hashable, ...], Fitted] = field(default_factory=dict)
 
     def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[Fitted]:
-        """The machine fitted with each of these sets of explanations, in their order."""
+        """Fits of the machine with each of these sets of explanations, in their order."""
         keys = [tuple(term.shape for term in terms) for terms in sets]
         every = zip(keys, sets, strict=True)
         new = {key: terms for key, terms in every if key not in self.known}
@@ -96,7 +96,7 @@ def find(
         effects: the catalogue.
         rng: of the bootstrap.
         begin: terms to begin with, which the search may exchange and drop.
-        gone: explanations that have been refused; nothing of the same cause is tried.
+        gone: explanations that have been rejected; nothing of the same cause is tried.
     """
     whole = None if begin else _with_outliers(model, rng)
     starts = (model, *(() if begin else model.elsewhere()), *(() if whole is None else (whole,)))
@@ -122,7 +122,7 @@ def find(
                 model = model.fitted(terms)
         else:
             if back is not None and here.left is not None and back[1].left is None:
-                model, here = back  # in a circle, each set by what the other makes of its shapes
+                model, here = back  # the search alternates between sets; this one leaves nothing
             if swaps and len(model.terms) > 1:
                 short.update(_other_shapes(model, effects, rng, tuple(short.values()), gone))
             swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
@@ -135,9 +135,10 @@ def find(
 
 
 def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
-    """With the best of a scan, or with what is likelier when fitted: a cause for a map, or two.
+    """The fit with the best score of a scan, or with a rival that is likelier when fitted in full.
 
-    What is fitted in the place of a strong cause hides it from a search about that fit.
+    Rivals are causes in the place of a map, and pairs. A wrong explanation fitted in the place of
+    a strong cause would hide it from a search about that fit.
     """
     named: dict[str, Score] = {}
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
@@ -153,7 +154,7 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
 def _pairs(
     model: Fitted, here: Scan, scores: Sequence[Score], enough: float
 ) -> list[tuple[Candidate, ...]]:
-    """The best two of some explanations, where both hold and are worth more than enough."""
+    """The best pairs of some explanations that hold together and are worth more than `enough`."""
     worth = Worth(JointFit.of(model.evidence, scores), here, model.noise_degrees)
     pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
     good = [pair for pair in pairs[:LOOKED_AT] if worth(pair) > enough]
@@ -167,9 +168,10 @@ def _other_shapes(
     short: tuple[Score, ...],
     gone: tuple[Candidate, ...],
 ) -> dict[str, Score]:
-    """Other causes, each in the shape in which it comes nearest to what a term does.
+    """Scores of other causes by key, each in the shape that best replaces one of the terms.
 
-    Beside the others: a step that was sought about a fit without them may be anywhere.
+    The shapes are searched beside the other terms: a step searched about a fit without these may
+    have been found at any moment.
     """
     terms, every = model.terms, range(len(model.terms))
     together = JointFit.of(model.evidence, [as_score(m, short) for m in terms])
@@ -189,13 +191,14 @@ def _other_shapes(
 
 
 def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -> Fitted:
-    """The fit with a cause in the place of another that does nearly as much, or of a map.
+    """The likeliest fit after replacing one term; the model itself if no other is likelier.
 
-    Two take the place of one where they seem likelier already. A cause is tried in its best
-    other shape as well: its own was chosen about a fit without it.
+    A cause is replaced by another that explains nearly as much, a map by any cause. Two causes
+    replace one term if they seem likelier already. A cause is tried in its best other shape as
+    well, because its own was chosen about a fit without it.
 
-    Each set is fitted from the machine without any: about the fit of one the other is astray. The
-    model itself where none is likelier.
+    Each set is fitted from the machine without any: about the fit of one set another is not
+    linear.
     """
     terms = model.terms
     named = tuple(m for m in terms if not m.unexplained)
@@ -228,10 +231,10 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
 
 
 def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
-    """The fit with its causes' other shapes, where one takes much of what is left.
+    """The fit with other shapes of its causes, as long as one removes much of the misfit.
 
-    What a shape lacks is looked for before other explanations of it: several maps and causes
-    together can follow the second order of a gear.
+    Other shapes are tried before further explanations, because several maps and causes together
+    can imitate what a shape lacks, such as the second order of a gear.
     """
     while model.misfit > LACKING:
         refined = _likeliest(fits, model.in_other_shapes, short, model)
@@ -247,12 +250,12 @@ def _likeliest(
     tried: Sequence[Score],
     *known: Fitted,
 ) -> Fitted:
-    """The fit with the likeliest of some sets of explanations, each fitted in full."""
+    """The likeliest of the known fits and of some sets of explanations, each fitted in full."""
     bare = fits.bare
     samples = bare.beside.degrees
 
     def likely(fit: Fitted) -> float:
-        """ln B by chi square per degree of freedom: fits may set other poses aside."""
+        """ln B from chi square per degree of freedom, as fits may set different poses aside."""
         columns = all_columns(fit.terms, fit.evidence)
         value = np.concatenate([fit.scaled(m) for m in fit.terms])
         gain = samples * (bare.misfit - fit.misfit)
@@ -270,7 +273,7 @@ def _likeliest(
 
 
 def _price_of_choice(term: Candidate, fit: Fitted) -> float:
-    """What a shape costs that was chosen among those tried once the cause was found."""
+    """Price in ln B of a shape that was chosen among several after the cause was found."""
     if term.effect is None or not term.effect.chosen:
         return 0.0
     return float(np.log(sum(1 for _ in term.effect.refinements(fit.evidence.at))))
@@ -286,9 +289,9 @@ def _without_maps(
     rng: np.random.Generator,
     gone: tuple[Candidate, ...] = (),
 ) -> tuple[Candidate, ...]:
-    """The terms, a cause in the place of a map wherever one is the best beside the others.
+    """The terms, with a map replaced by a cause if one is best in a scan without that map.
 
-    Beside the map it would have had no shape of its own to be found by.
+    A scan with the map in the model would not have found the cause, as the map imitates it.
     """
     terms = model.terms
     for term in terms:
@@ -303,14 +306,14 @@ def _without_maps(
 
 
 def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[Candidate, ...]:
-    """The terms, a map in the place of names that are not plainly likelier.
+    """The terms, with a map in the place of named causes that are not clearly likelier.
 
-    Nothing is left beside true causes, and each does what no map does at its price. Beside one
-    that does nearly as what nobody has described, the rest of that is left, for another map or a
-    second name. A wrong name is worse than none. Names that explain nearly all that the map does
-    (`SOME`), but for what chance gives to a map's many weights, need only be as likely as it: no
-    model is perfect. What a map pays beyond its parameters (`shadow`) decides what is tried first,
-    not what is true.
+    Beside the true causes nothing is left, and no map explains as much as one at its price. If a
+    cause only resembles an effect that is in no catalogue, the rest of that effect is left, for
+    another map or a second name. A wrong name is worse than none. Causes that explain nearly all
+    that the map does (`SOME`), apart from what chance gives to a map's many weights, need only be
+    as likely as the map: no model is perfect. The extra price of a map (`shadow`) decides what is
+    tried first, not what is true.
     """
     terms, maps = model.terms, [s for s in short if s.candidate.unexplained]
     named = [i for i, term in enumerate(terms) if not term.unexplained]
@@ -340,9 +343,9 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
 
 
 def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted | None:
-    """The fit with the poses that it set aside, where these are off alike; None elsewhere.
+    """The fit with the poses that it set aside, if these miss alike; else None.
 
-    A joint that slipped early leaves a few poses far off all others: one cause, no gross errors.
+    A joint that slipped early leaves a few poses far off all others: one cause, not gross errors.
     """
     alike = Aside.of(model, rng).alike
     return model.everything() if alike is not None and alike < ALPHA else None
@@ -353,8 +356,9 @@ def _left_by_the_best(model: Fitted, here: Scan, whole: Fitted | None) -> float:
 
     Args:
         model: a fit.
-        here: what could explain what it leaves.
-        whole: a fit that sets no pose aside, where others do; each of theirs leaves a gross error.
+        here: scan of its residuals.
+        whole: a fit that sets no pose aside, if there is one; each pose that `model` sets aside
+            then counts as a gross error.
     """
     gain = max((score.gain for score in here.scores), default=0.0)
     out = 0 if whole is None else set_aside(model.evidence, whole.evidence).size

@@ -1,8 +1,8 @@
-"""Poses that no model follows and that were set aside: whether they are outliers at all.
+"""Check whether the poses that a fit set aside are outliers.
 
-A reading of another reflector, or of one that was touched, is a gross error, and has nothing to
-do with others. An edge of the workspace where all poses are off alike is no outlier but something
-that the machine does there, and the fit has set aside what it could not follow.
+A reading of another reflector, or of one that was touched, is a gross error, independent of all
+others. Poses at an edge of the workspace that all miss alike are no outliers: the machine has an
+error there that the model could not follow, and the fit has set them aside.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Aside:
-    """What is known of the poses that were set aside as unlike the model."""
+    """Result of the check of the poses that were set aside as unlike the model."""
 
-    alike: float | None  # p of as much likeness among outliers; None where they are too few
-    rms: float  # [m] that they miss by, 3-D
-    worst: Array | None  # (3,) [m] place in the base of the one that misses most
+    alike: float | None  # p that outliers miss as much alike; None if they are too few
+    rms: float  # [m] root mean square of their 3-D residuals
+    worst: Array | None  # (3,) [m] position in the base of the pose with the largest residual
 
     @classmethod
     def of(cls, model: Fitted, rng: np.random.Generator) -> Aside:
-        """Of a fit, which did not use them.
+        """Check the poses that a fit did not use.
 
         Args:
             model: the machine with its terms.
@@ -50,5 +50,5 @@ class Aside:
 
 
 def set_aside(own: LinearizedModel, every: LinearizedModel) -> NDArray[np.intp]:
-    """Rows of the poses that a fit has set aside as unlike it, and that another believes."""
+    """Rows of the poses that one fit (`own`) sets aside and another one (`every`) uses."""
     return np.flatnonzero((every.believed & ~own.believed)[: own.poses])

@@ -1,15 +1,15 @@
-"""Products of many shapes of explanations about one evidence.
+"""Inner products of the columns of many shapes of explanations about one evidence.
 
 A value that moves one joint by a function of the sample has the column
 
-    x = m f        m (n, d): whitened d(reading) by the joint,    f (n,): the function
+    x = m f        m (n, d): whitened d(reading) / d(joint),    f (n,): the function
 
-and products with anything that stays, where another function is tried, are
+and its product with a column y that is the same for all functions is
 
     x' y = sum f (m . y)
 
-What each joint gives to them is worked out once; another shape then costs as much as its
-functions, a third of its columns, and those are never built.
+The dot products m . y of each joint are computed once. Another shape then costs only its
+functions, a third of the size of its columns; these are built one shape at a time at most.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ from delta_calibration.effects.apart import Apart, functions_of
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_AT_A_TIME, _WAVES = 8, 64  # shapes, in memory together
+_AT_A_TIME, _WAVES = 8, 64  # shapes in memory together
 
 
 @dataclass(frozen=True)
 class Shapes:
-    """An evidence, ready for products of many columns with it and with each other."""
+    """Precomputed products about one evidence, for the columns of many shapes."""
 
     evidence: LinearizedModel
-    weighed: Array  # (d n, j) what is asked of each column
+    weighed: Array  # (d n, j) V^-1 of residuals and draws, with which columns are multiplied
 
     @classmethod
     def of(cls, evidence: LinearizedModel) -> Shapes:
-        """Ready for what explains its residuals."""
+        """Products for explanations of the residuals of an evidence."""
         return cls(evidence, evidence.weigh(evidence.column))
 
     @cached_property
     def moved(self) -> Array:
-        """By each joint, (m, d, n)."""
+        """Whitened d(reading) / d(joint) of each joint, (m, d, n)."""
         return np.ascontiguousarray(self.evidence.by_joints.transpose(2, 1, 0))
 
     @cached_property
     def _along(self) -> Array:
-        """Of each joint m . y of what is weighed, then of plain nuisance, (m, n, j + a)."""
-        parts = self.evidence.possible.flat  # what is plain of them is the first
+        """m . y of each joint with `weighed`, then with the plain nuisance, (m, n, j + a)."""
+        parts = self.evidence.possible.flat  # plain columns come first
         plain = [part.values for part in parts if isinstance(part, Plain)]
         stays = Plain(np.concatenate([self.weighed, *plain], axis=1))
         each = self.evidence.by_joints.transpose(2, 0, 1)
@@ -64,18 +64,18 @@ class Shapes:
 
     @cached_property
     def _shared(self) -> tuple[tuple[Array, ...], ...]:
-        """Of each joint what its samples give to rest errors, by episode, (samples, r)."""
+        """Projection of each joint's samples onto the rest errors, by episode, (samples, r)."""
         each = self.evidence.by_joints.transpose(2, 0, 1)
         return tuple(self.evidence.rest.seen_by_sample(m) for m in each)
 
     def stays(self, joint: int) -> Array:
-        """m . y of a joint of all that stays: what is weighed, then the nuisance, (n, j + A)."""
+        """m . y of a joint with all fixed columns: `weighed`, then the nuisance, (n, j + A)."""
         m = self.evidence.by_joints[:, :, joint]
         others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
         return np.concatenate([self._along[joint], *(p.through(m) for p in others)], axis=1)
 
     def shared(self, joint: int) -> Array:
-        """What a joint adds to rest errors at each sample, all episodes side by side, (n, r)."""
+        """Projection of a joint's samples onto the rest errors of all episodes, (n, r)."""
         found, at = np.zeros((len(self.evidence), len(self.evidence.rest.weak))), 0
         for rows, own in zip(self.evidence.rest.samples, self._shared[joint], strict=True):
             found[rows, at : at + own.shape[1]] = own
@@ -85,10 +85,10 @@ class Shapes:
     def each(
         self, candidates: Sequence[Candidate]
     ) -> Iterator[tuple[Sequence[Candidate], Array, Array]]:
-        """Some at a time with information (L, k, k), and products with what is weighed (L, k, j).
+        """Batches of candidates, information (L, k, k) and products with `weighed` (L, k, j).
 
         Args:
-            candidates: of as many columns each.
+            candidates: with k columns each.
         """
         waves = self._waves(candidates)
         step = _AT_A_TIME if waves is None else _WAVES
@@ -98,12 +98,12 @@ class Shapes:
             yield some, information, along
 
     def products(self, shapes: Sequence[Candidate]) -> tuple[Array, Array]:
-        """The same of a few."""
+        """Information (L, k, k) and products with `weighed` (L, k, j) of one batch."""
         apart = self._apart(shapes)
         return self._of_columns(shapes) if apart is None else self._of_functions(apart)
 
     def _waves(self, shapes: Sequence[Candidate]) -> _OfWaves | None:
-        """Where all are waves of the same joints, and many."""
+        """Products by a grid, if all shapes are waves of the same joints and many; else None."""
         orders = [None if s.effect is None else s.effect.order for s in shapes]
         if any(order is None for order in orders) or len({s.rows for s in shapes}) > 1:
             return None
@@ -112,7 +112,7 @@ class Shapes:
         return None if grid is None else _OfWaves(self, shapes[0].rows, grid)
 
     def _apart(self, shapes: Sequence[Candidate]) -> list[Apart] | None:
-        """The shapes by functions, where each value of all of them moves one joint, the same."""
+        """The shapes as functions, if each value moves one joint, the same in all; else None."""
         found: list[Apart] = []
         for shape in shapes:
             if shape.effect is None or shape.effect.stage is not Stage.DRIVE:
@@ -125,14 +125,14 @@ class Shapes:
         return found
 
     def _of_columns(self, shapes: Sequence[Candidate]) -> tuple[Array, Array]:
-        """Products of columns that are built."""
+        """Information and products from columns that are multiplied out."""
         columns = np.concatenate([columns_of(shape, self.evidence) for shape in shapes], axis=1)
         k = columns.shape[1] // len(shapes)
         along = (columns.T @ self.weighed).reshape(len(shapes), k, -1)
         return self.evidence.information_of_each(columns, k), along
 
     def _of_functions(self, shapes: Sequence[Apart]) -> tuple[Array, Array]:
-        """Products of functions."""
+        """Information and products from functions; columns are built one shape at a time."""
         moves = np.array(shapes[0].moves)
         place = _place(len(shapes), moves)
         signals = self.evidence.signals(shapes[0].effect)
@@ -151,14 +151,14 @@ class Shapes:
         return self.evidence.left_of_each(inner, across, shared), along[..., :width]
 
     def _met(self, joint: int, functions: Array) -> Array:
-        """Products of a joint's columns, by functions (j, n), with residual and nuisance."""
+        """Products of columns m f of a joint, f (j, n), with `weighed` and the nuisance."""
         m = self.evidence.by_joints[:, :, joint]
         others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
         met = (other.met(m, functions) for other in others)
         return np.concatenate([functions @ self._along[joint], *met], axis=1)
 
     def _seen(self, joint: int, functions: Array) -> Array:
-        """What of functions (j, n) of a joint looks like rest errors, (j, r)."""
+        """Projection of columns m f of a joint, f (j, n), onto the rest errors, (j, r)."""
         every = zip(self.evidence.rest.samples, self._shared[joint], strict=True)
         found = [functions[:, rows] @ by_sample for rows, by_sample in every]
         return np.concatenate([np.zeros((len(functions), 0)), *found], axis=1)
@@ -177,14 +177,14 @@ class Shapes:
 
 @dataclass(frozen=True)
 class _OfWaves:
-    """Products of waves of the joints, laid on a grid of their angles."""
+    """Products of waves of the joints, computed on a grid of the joint angles."""
 
     about: Shapes
-    values: tuple[int, ...]  # (k,) of an effect, which are free
+    values: tuple[int, ...]  # (k,) indices of an effect's free parameters
     grid: Grid
 
     def products(self, shapes: Sequence[Candidate]) -> tuple[Array, Array]:
-        """Information of each, (L, k, k), and products with what is weighed, (L, k, j)."""
+        """Information (L, k, k) of each shape, and products with `weighed` (L, k, j)."""
         effects = [cast(Effect, shape.effect) for shape in shapes]
         orders = np.array([effect.order for effect in effects], dtype=float)
         waves = Waves(self.grid, orders, self._points)
@@ -205,12 +205,12 @@ class _OfWaves:
 
     @property
     def _each(self) -> list[tuple[int, int]]:
-        """Of each value the joint, and 0 of a sine or 1 of a cosine."""
+        """For each value its joint, and 0 if it is a sine or 1 if a cosine."""
         return [(value % self._joints, value // self._joints) for value in self.values]
 
     @cached_property
     def _own(self) -> tuple[int, ...]:
-        """The joints that move."""
+        """The joints that the values move."""
         return tuple(dict.fromkeys(joint for joint, _ in self._each))
 
     @cached_property
@@ -220,13 +220,13 @@ class _OfWaves:
 
     @cached_property
     def _points(self) -> int:
-        """Of the longest grid: of twice a joint's angle, or of two joints' together."""
+        """Points of the longest grid: for sums and differences of two joint angles."""
         width = np.sort(np.ptp(self._angle[list(self._own)], axis=1))
         return self.grid.points(2 * float(width[-1]))
 
     @cached_property
     def _laid(self) -> dict[int, Laid]:
-        """Of each joint all that its waves are multiplied with: what stays, then rest errors."""
+        """Fixed columns and rest errors of each joint, spread on the grid of its angle."""
         found = {}
         for joint in self._own:
             columns = np.concatenate([self.about.stays(joint), self.about.shared(joint)], axis=1)
@@ -235,7 +235,7 @@ class _OfWaves:
 
     @cached_property
     def _pairs(self) -> dict[tuple[int, int], tuple[Laid, Laid]]:
-        """Of two joints what both move by, over the difference and the sum of their angles."""
+        """m_r . m_s of two joints, on grids of the difference and the sum of their angles."""
         found, moved = {}, self.about.moved
         for r, s in combinations_with_replacement(self._own, 2):
             both = np.einsum("cn,cn->n", moved[r], moved[s])[:, None]
@@ -265,7 +265,7 @@ class _OfWaves:
 
 
 def _place(count: int, moves: Index) -> Index:
-    """Rows of the values of each shape, (L, k): those of a joint follow each other."""
+    """Row of each value of each shape, (L, k), with the rows of each joint contiguous."""
     place = np.empty((count, len(moves)), dtype=np.int64)
     begin = 0
     for joint in np.unique(moves):

@@ -1,18 +1,18 @@
-"""Where the joints came to rest before a motion: an error that goes along with all of it.
+"""Rest errors of the joints before a motion, which all readings of the motion share.
 
-A motion's readings share how far off its command each joint was when it began, u with spread s,
-which along the motion may pass into what it ends with. A machine that turns round where it has
-come to may keep its error, and it may keep it as long as motion follows motion without a stop: or
-not. So each path has an error of its own, shares one with those in a row with it, each of which
-begins where the last has ended, and one with its whole episode. Their covariance is
+The rest error u of a joint, with standard deviation s, is its distance from the command when a
+motion began. Along the motion it may change into the rest error with which the motion ends. It may
+or may not be kept if the machine reverses at the end of a path, and as long as motion follows
+motion without a stop. So each path has an error of its own, shares one with the paths in its row
+(each begins where the last has ended), and one with its whole episode. Their covariance is
 
-    C = 1 + B B^T        B: whitened columns of s u, one for each of these, (3 n, r)
+    C = 1 + B B^T        B: whitened columns of s u, one for each of these, (d n, r)
 
-Episodes have nothing to do with one another: C is made of a block each, and inner products
+Episodes are independent: C is block diagonal, one block for each, and inner products
 
     a^T C^-1 b = a^T b - s(a)^T s(b)        s(x) = (1 + L)^(-1/2) Q^T B^T x,    B^T B = Q L Q^T
 
-cost as much as there are readings.
+cost time in proportion to the number of readings.
 """
 
 from __future__ import annotations
@@ -30,55 +30,56 @@ from delta_calibration.diagnosis.columns import Columns, Plain
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-AT_REST = -1  # path of the poses
-_PAUSE, _AWAY = 5.0, 0.02  # [s], [rad of a Delta] between paths in a row, at most
-_LONG = 120.0  # [s] between motions of an episode, at most
+AT_REST = -1  # path number of the poses
+_PAUSE, _AWAY = 5.0, 0.02  # [s], [rad of a Delta] at most between paths in a row
+_LONG = 120.0  # [s] at most between motions of an episode
 
 
 @dataclass(frozen=True)
 class SharedPathError:
-    """Rest errors of the paths among n samples; a path's samples follow each other."""
+    """Covariance of the rest errors of the paths among n samples; a path's are contiguous."""
 
     path: Index  # (n,) number of the path, `AT_REST` for poses
-    row: Index  # (n,) number of the paths in a row
-    episode: Index  # (n,) number of the motions without a stop between
-    own: Array  # (n, 3, m) whitened, of an error in its spread; of no matter for poses
-    passing: Array  # (n, 3, m) of one that goes from half less to half more
+    row: Index  # (n,) number of the row of paths
+    episode: Index  # (n,) number of the episode: motions without a stop between them
+    own: Array  # (n, d, m) whitened columns of a constant error of size s; unused for poses
+    passing: Array  # (n, d, m) of an error that changes linearly from start to end of the path
 
     @classmethod
     def of(
         cls, path: Index, at: Conditions, by_joints: Array, joint_size: float = 1.0
     ) -> SharedPathError:
-        """Of the paths of samples.
+        """Covariance for samples on paths and poses.
 
         Args:
             path: number of each sample's path (n,), `AT_REST` for poses.
             at: joint angles and times.
-            by_joints: whitened d(reading) by the joints' rest errors in their spread, (n, 3, m).
-            joint_size: of the joints' unit, that does what one radian does on a Delta.
+            by_joints: whitened d(reading) by the joints' rest errors in units of s, (n, d, m).
+            joint_size: joint motion, in the joints' unit, equivalent to one radian on a Delta.
         """
         course = np.zeros(len(path))
         for number in np.unique(path[path != AT_REST]):
             on = path == number
             course[on] = np.linspace(-0.5, 0.5, int(on.sum()))
-        passing = np.sqrt(2) * course[:, None, None] * by_joints  # two draws differ by so much
+        # two independent rest errors differ by sqrt(2) standard deviations
+        passing = np.sqrt(2) * course[:, None, None] * by_joints
         return cls(path, _rows(path, at, joint_size), _episodes(path, at), by_joints, passing)
 
     def take(self, rows: NDArray[np.intp]) -> SharedPathError:
-        """Of some of the samples."""
+        """The covariance of some of the samples."""
         return SharedPathError(
             self.path[rows], self.row[rows], self.episode[rows], self.own[rows], self.passing[rows]
         )
 
     def scaled(self, root: Array) -> SharedPathError:
-        """With the samples' weights changed, their roots (n, 1, 1)."""
+        """The covariance with the samples' weights changed, their roots (n, 1, 1)."""
         return SharedPathError(
             self.path, self.row, self.episode, root * self.own, root * self.passing
         )
 
     @cached_property
     def _blocks(self) -> tuple[tuple[slice, Array, Array], ...]:
-        """Of each episode where its coordinates are, B (3 n, r), and S (r, r): s(x) = S B^T x."""
+        """Of each episode its slice of coordinates, B (d n, r), and S (r, r): s(x) = S B^T x."""
         blocks, d = [], self.own.shape[1]
         for begin, end in _runs(self.episode):
             if self.path[begin] != AT_REST:
@@ -89,7 +90,7 @@ class SharedPathError:
         return tuple(blocks)
 
     def _columns(self, rows: slice) -> Array:
-        """B of an episode, (3 n, r)."""
+        """Columns B of an episode, (d n, r)."""
         path, own = self.path[rows], self.own[rows]
         columns = [_apart(_runs(path), own), _apart(_runs(path), self.passing[rows])]
         for within, level in pairwise([path, self.row[rows], self.episode[rows]]):
@@ -98,11 +99,11 @@ class SharedPathError:
         return np.concatenate(columns, axis=-1).reshape(own.shape[0] * own.shape[1], -1)
 
     def seen(self, x: Array) -> Array:
-        """s(x) of columns (3 n, k), (r, k)."""
+        """Projection s(x) of columns (d n, k) onto the rest errors, (r, k)."""
         return self.seen_of(Plain(x))
 
     def seen_of(self, x: Columns) -> Array:
-        """The same of columns that may be products, (r, k)."""
+        """s(x) of columns that may be products, (r, k)."""
         every = zip(self.samples, self._blocks, strict=True)
         d = self.own.shape[1]
         parts = [root @ x.part(rows, d).along(own).T for rows, (_, own, root) in every]
@@ -115,21 +116,21 @@ class SharedPathError:
         return np.concatenate([np.zeros(0), *parts])
 
     def taken(self, x: Columns) -> float:
-        """By how much columns are shorter, all their squares together, as C^-1 x than as x."""
+        """Sum of squares of columns x less that of C^-1 x."""
         seen = self.seen_of(x)
         return float(np.sum((1 + self.weak[:, None]) * seen**2))
 
     @property
     def samples(self) -> tuple[slice, ...]:
-        """Samples of each part of what is seen, as `seen_by_sample` has them."""
+        """Samples of each episode, in the order of the parts of `seen_by_sample`."""
         d = self.own.shape[1]
         return tuple(slice(at.start // d, at.stop // d) for at, _, _ in self._blocks)
 
     def seen_by_sample(self, m: Array) -> tuple[Array, ...]:
-        """What each sample gives to s(m f) of a function f of the samples, (samples, r) each.
+        """Contribution of each sample to s(m f) for any function f, (samples, r) by episode.
 
         Args:
-            m: (n, d).
+            m: whitened derivative of the readings, (n, d).
         """
         parts, d = [], self.own.shape[1]
         for rows, (_, own, root) in zip(self.samples, self._blocks, strict=True):
@@ -138,12 +139,12 @@ class SharedPathError:
         return tuple(parts)
 
     def inner(self, x: Array) -> Array:
-        """x^T C^-1 x of columns (3 n, k), (k, k)."""
+        """x^T C^-1 x of columns (d n, k), (k, k)."""
         shared = self.seen(x)
         return np.asarray(x.T @ x - shared.T @ shared)
 
     def without(self, x: Array) -> Array:
-        """C^-1 x: columns (3 n, k) less their most likely rest errors."""
+        """C^-1 x: columns (d n, k) less their most likely rest errors."""
         result = x.copy()
         for at, own, root in self._blocks:
             result[at] -= own @ (root.T @ (root @ (own.T @ x[at])))
@@ -151,23 +152,23 @@ class SharedPathError:
 
     @property
     def degrees(self) -> float:
-        """Degrees of freedom that the rest errors take."""
+        """Degrees of freedom that the rest errors take from the residuals."""
         return float(sum(np.sum((root @ own.T) ** 2) for _, own, root in self._blocks))
 
     def draw_into(self, drawn: Array, rng: np.random.Generator) -> None:
-        """Add what chance makes of them to draws, (3 n, count)."""
+        """Add random rest errors to draws of noise, (d n, count), in place."""
         for at, own, _ in self._blocks:
             drawn[at] += own @ rng.standard_normal((own.shape[1], drawn.shape[1]))
 
 
 def _runs(number: Index) -> list[tuple[int, int]]:
-    """Where each run of equal numbers begins and ends."""
+    """Begin and end of each run of equal numbers."""
     ends = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(number)]
     return list(pairwise(ends)) if len(number) else []
 
 
 def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
-    """Columns (n, 3, m), others for each run, (n, 3, runs m)."""
+    """Separate copies of columns (n, d, m) for each run, zero elsewhere, (n, d, runs m)."""
     n, d, size = columns.shape
     result = np.zeros((n, d, size * len(runs)))
     for k, (begin, end) in enumerate(runs):
@@ -176,7 +177,7 @@ def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
 
 
 def _episodes(path: Index, at: Conditions) -> Index:
-    """Number of each sample's motions without a stop between, (n,)."""
+    """Number of each sample's episode, motions without a stop between them, (n,)."""
     stops = np.sort(at.time[path == AT_REST])
     before = np.searchsorted(stops, at.time)
     long = np.abs(np.diff(at.time, prepend=at.time[:1])) > _LONG
@@ -187,7 +188,7 @@ def _episodes(path: Index, at: Conditions) -> Index:
 
 
 def _rows(path: Index, at: Conditions, joint_size: float) -> Index:
-    """Number of each sample's paths in a row, (n,)."""
+    """Number of each sample's row of paths, (n,)."""
     pause = np.diff(at.time, prepend=at.time[:1])
     away = np.abs(np.diff(at.joint, axis=0, prepend=at.joint[:1])).max(axis=1, initial=0.0)
     resting = (path == AT_REST) | (np.roll(path, 1) == AT_REST)

@@ -1,4 +1,4 @@
-"""Evidence of several kinds put together, taken apart into single numbers, in part set aside."""
+"""Operations on evidence: stack several kinds, split samples into numbers, set samples aside."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def stacked(parts: Sequence[LinearizedModel]) -> LinearizedModel:
-    """One evidence of several about the same fit, all of d coordinates and none with paths."""
+    """Stack evidence of several kinds about one fit, all with d coordinates and without paths."""
     first = parts[0]
     if len(parts) == 1:
         return first
@@ -46,7 +46,7 @@ def stacked(parts: Sequence[LinearizedModel]) -> LinearizedModel:
 
 
 def apart(evidence: LinearizedModel) -> LinearizedModel:
-    """Each number a sample by itself."""
+    """Split the samples, so that each number is a sample by itself."""
     n, d = evidence.residual.shape
     row = np.repeat(np.arange(n), d)
 

@@ -1,8 +1,8 @@
-"""What is said of structure that is left: derived from the tests, and from nothing else.
+"""Statement about structure left in the residuals, derived only from the tests.
 
-A test says how likely chance, with structure too small to matter beside the noise, leaves as much
-(`residual_tests.py`). Several are asked, each charged with their number (Bonferroni); that of a
-smooth map has been charged with all that was tried already. Verdict, page and console ask here.
+The p of a test is the probability that noise, with structure too small to matter, leaves as much
+(`residual_tests.py`). Each p is multiplied by the number of tests (Bonferroni); that of a smooth
+map is already corrected for all that was tried. Verdict, page and console use this statement.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _NEIGHBOURS = "moran_"
 
 
 def shown(tests: Mapping[str, float | None]) -> tuple[str, ...]:
-    """Tests that chance does not explain, the least likely first; none: nothing is left."""
+    """Tests that are significant, the map first, then by p; if there is none, nothing is left."""
     known = {name: p for name, p in tests.items() if p is not None}
     asked = sum(name != MAP for name in known)
     good = [n for n, p in known.items() if p * (1 if n == MAP else asked) <= ALPHA]
@@ -24,7 +24,7 @@ def shown(tests: Mapping[str, float | None]) -> tuple[str, ...]:
 
 
 def moves_with(test: str) -> str | None:
-    """What structure that a test shows moves with; None where the test does not say."""
+    """Quantity with which the structure shown by a test varies; None if the test has none."""
     if test == SET_ASIDE:
         return "position"
     return test.removeprefix(_NEIGHBOURS) if test.startswith(_NEIGHBOURS) else None

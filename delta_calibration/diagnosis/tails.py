@@ -1,7 +1,7 @@
-"""How likely it is that chance goes as far: tails of the laws that verdicts ask for.
+"""Tail probabilities of the distributions that a verdict needs.
 
-Those of scipy.stats, by the functions of scipy.special that it rests on: loading scipy.stats takes
-a quarter of a second, which every verb and node would wait for.
+They equal those of scipy.stats but use scipy.special, on which it is based: importing scipy.stats
+takes a quarter of a second, for which every verb and node would wait.
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from scipy.special import chdtrc, fdtrc, gammainc, gammaincc, ndtr, stdtr
 
 Array = NDArray[np.float64]
 
-_STRAIGHT = 1.6e-5  # skewness under which Pearson's law is taken for the normal one
+_STRAIGHT = 1.6e-5  # skewness under which the normal distribution replaces Pearson's
 
 
 def log_chi2(x: Array | float, k: float) -> Array:
-    """ln p of chi square of k degrees of freedom that exceeds x."""
+    """ln of the probability that chi square of k degrees of freedom exceeds x."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.log(chdtrc(k, np.maximum(x, 0.0))))
 
 
 def log_f(x: float, k: float, of_noise: float) -> float:
-    """ln p of Fisher's F of k and `of_noise` degrees of freedom that exceeds x."""
+    """ln of the probability that Fisher's F of k and `of_noise` degrees of freedom exceeds x."""
     with np.errstate(divide="ignore"):
         return float(np.log(fdtrc(k, of_noise, max(x, 0.0))))
 
 
 def log_t(x: float, k: float) -> float:
-    """ln p of Student's t of k degrees of freedom that exceeds x."""
+    """ln of the probability that Student's t of k degrees of freedom exceeds x."""
     with np.errstate(divide="ignore"):
         return float(np.log(stdtr(k, -x)))
 
 
 def pearson3(x: float, skewness: float) -> float:
-    """p of Pearson's law of type III, of mean 0 and variance 1, that exceeds x.
+    """Probability that a Pearson type III variable of mean 0 and variance 1 exceeds x.
 
-    A gamma law of shape a = 4 / skewness^2, shifted and scaled; turned round where it is skewed
-    to the left.
+    It is a gamma distribution of shape a = 4 / skewness^2, shifted and scaled; mirrored if the
+    skewness is negative.
     """
     if abs(skewness) < _STRAIGHT:
         return float(ndtr(-x))
@@ -47,7 +47,7 @@ def pearson3(x: float, skewness: float) -> float:
 
 
 def moments(x: Array) -> tuple[float, float]:
-    """Skewness of numbers (n,), and by how much their kurtosis exceeds a normal law's."""
+    """Skewness and excess kurtosis of numbers (n,)."""
     off = x - x.mean()
     square = off**2
     variance = np.mean(square)

@@ -1,4 +1,4 @@
-"""The verdict: what is wrong, how sure, what it gains, what cannot be told."""
+"""The verdict of a diagnosis: causes found, their confidence and gain, and what stays open."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SCHEMA = 2
 
 @dataclass(frozen=True)
 class SessionFacts:
-    """What the verdict rests on."""
+    """Extent of the session on which the verdict is based."""
 
     samples: int
     poses: int
@@ -22,22 +22,22 @@ class SessionFacts:
     rejected: Mapping[str, int]  # readings that took no part, by reason
 
     def set_aside(self) -> str:
-        """How many readings took no part and why, as words."""
+        """Number of readings that took no part and the reasons, in words."""
         return listed(f"{n} {spoken(reason)}" for reason, n in self.rejected.items() if n)
 
 
 @dataclass(frozen=True)
 class Held:
-    """A model and how well it predicts what it has not seen."""
+    """A model of the machine and its held-out error."""
 
     model: str
     held_out_rms_mm: float | None
-    with_set_aside_rms_mm: float | None = None  # the same with poses that were set aside
+    with_set_aside_rms_mm: float | None = None  # the same with the poses that were set aside
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter as found."""
+    """Estimate of a parameter: value, standard deviation (None if unknown) and unit."""
 
     value: float
     std: float | None
@@ -46,17 +46,17 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Action:
-    """What to do about a cause."""
+    """Recommended action against a cause."""
 
     do: str  # adjust, repair, compensate or measure
     part: str
-    # of the calibrated machine without the cause and nothing else done; None where not foretold
+    # of the calibrated machine if only this cause is removed; None if not predicted
     held_out_rms_after_mm: float | None
     confirm: str  # the one test that would confirm the cause
     how: str = ""  # in words
 
     def sentence(self) -> str:
-        """As an order, with what is to be expected."""
+        """The action as an instruction in words, with the error that is expected to remain."""
         after = self.held_out_rms_after_mm
         expected = f"; {mm(after)} mm will remain" if after is not None else ""
         told = f": {self.how}" if self.how else ""
@@ -65,7 +65,7 @@ class Action:
 
 @dataclass(frozen=True)
 class Finding:
-    """A cause, where it sits, how sure it is, and what knowing it gains on held-out data."""
+    """A cause that was found: location, confidence, parameters and gain on held-out data."""
 
     cause: str
     location: str | None
@@ -81,12 +81,12 @@ class Finding:
     gain_low: float  # of its 95 % interval
     gain_high: float
     signal: float  # lambda
-    shape: Mapping[str, Estimate | str] = field(default_factory=dict)  # what was searched
+    shape: Mapping[str, Estimate | str] = field(default_factory=dict)  # searched fields by name
     action: Action | None = None
-    in_motion: bool = False  # the errors are of readings on paths; not part of the JSON
+    in_motion: bool = False  # whether the errors are of readings on paths; not part of the JSON
 
     def as_dict(self) -> dict[str, Any]:
-        """As the JSON of the contract: of a shape the values, errors and units beside them."""
+        """The finding as JSON; values, standard deviations and units of a shape stand apart."""
         told: dict[str, Any] = _plain(asdict(self))
         del told["in_motion"]
         shape = told.pop("shape")
@@ -99,12 +99,12 @@ class Finding:
         return told
 
     def called(self) -> str:
-        """Cause and place, as words."""
+        """Cause and location in words."""
         where = f" at {spoken(self.location)}" if self.location else ""
         return f"{spoken(self.cause)}{where}"
 
     def clearest(self, most: int) -> dict[str, Estimate]:
-        """Of the parameters those that are the most errors off their expectation, in order."""
+        """The `most` parameters farthest from zero in standard deviations, in their own order."""
 
         def off(name: str) -> float:
             value = self.parameters[name]
@@ -114,18 +114,18 @@ class Finding:
         return {name: e for name, e in self.parameters.items() if name in chosen}
 
     def shape_told(self) -> tuple[str, ...]:
-        """What was searched, with its errors, in words."""
+        """The searched fields of the shape with standard deviations, in words."""
         return tuple(_told(name, value) for name, value in self.shape.items())
 
     def found_in_full(self) -> tuple[str, ...]:
-        """What was searched, what to do and what would confirm the cause, a line each."""
+        """Lines of text: searched shape, recommended action and test that confirms the cause."""
         lines = [", ".join(self.shape_told())]
         if self.action is not None:
             lines += [self.action.sentence(), f"to confirm: {self.action.confirm}"]
         return tuple(filter(None, lines))
 
     def errors(self) -> str:
-        """What is left without and with the cause, of poses or of what it shows in."""
+        """Held-out error without and with the cause, of poses or readings in motion, in words."""
         of = " in motion" if self.in_motion else ""
         return (
             f"held-out error{of} {mm(self.rms_before_mm)} mm without it, "
@@ -133,25 +133,25 @@ class Finding:
         )
 
     def label(self) -> str:
-        """Cause and place, how sure that is, and what the session cannot tell it from."""
+        """Cause and location, the causes indistinguishable from it, and confidence, in words."""
         others = "".join(f" or {spoken(name)}" for name in self.equivalents)
         return f"{self.called()}{others} ({sure(self.confidence)} sure)"
 
 
 @dataclass(frozen=True)
 class FoundEquation:
-    """A law of what has no name, at one part of the machine; all in SI units.
+    """A law found for structure without a named cause, at one part of the machine; SI units.
 
     Attributes:
         stage: drive, structure or measurement.
-        part: what it moves: `joint_2`, `rod_1a`, `base`, `platform`, `tracker`, ...
-        variables: what it depends on, by the glossary's names.
-        equation: for each number that it moves, with `;` between them.
-        values: of what the equation has letters for.
-        probability: of the law, or another that makes the same of this session.
-        rival: the next law, as an equation; None where there is none.
-        separated_by: what would part the two.
-        region: smallest and largest value of each variable in the session: it is known there.
+        part: part that it moves: `joint_2`, `rod_1a`, `base`, `platform`, `tracker`, ...
+        variables: names of the quantities that it depends on, as in the equation.
+        equation: one equation for each number that it moves, separated by `;`.
+        values: estimates for the letters in the equation.
+        probability: of this law or one indistinguishable from it in this session.
+        rival: equation of the next law; None if there is none.
+        separated_by: measurement that would separate the two.
+        region: smallest and largest value of each variable in the session, where the law is known.
     """
 
     stage: str
@@ -165,7 +165,7 @@ class FoundEquation:
     region: Mapping[str, tuple[float, float]]
 
     def seen(self) -> tuple[str, ...]:
-        """The region, as words."""
+        """The region in words, one text for each variable."""
         return tuple(
             f"{name} {low:.4g} to {high:.4g}" for name, (low, high) in self.region.items()
         )
@@ -173,17 +173,17 @@ class FoundEquation:
 
 @dataclass(frozen=True)
 class UnknownStructure:
-    """What no cause of the catalogue explains."""
+    """Structure in the residuals that no cause of the catalogue explains."""
 
     found: bool
     where: str | None
     moves_with: str | None
     rms_mm: float | None
     tests: Mapping[str, float | None]
-    laws: tuple[FoundEquation, ...] = ()  # likeliest first; none where none is sure enough
+    laws: tuple[FoundEquation, ...] = ()  # likeliest first; none if none is probable enough
 
     def moves(self) -> str:
-        """With what its size changes, as words."""
+        """Quantity with which its size varies, in words."""
         return spoken(self.moves_with or "nothing that was recorded")
 
 
@@ -192,7 +192,7 @@ NOTHING_LEFT = UnknownStructure(False, None, None, None, {})
 
 @dataclass(frozen=True)
 class CannotTell:
-    """Causes that this session cannot part or see, and what would."""
+    """Causes that this session cannot separate or detect, and the measurement that would."""
 
     between: tuple[str, ...]
     because: str
@@ -213,7 +213,7 @@ class Verdict:
     cannot_tell: tuple[CannotTell, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """As the JSON of the contract; `verdict.schema.json` holds its form."""
+        """The verdict as JSON, in the form that `schemas/verdict.json` defines."""
         plain = _plain(asdict(self))
         plain["findings"] = [finding.as_dict() for finding in self.findings]
         for model in ("baseline", "calibrated", "extended"):
@@ -222,14 +222,14 @@ class Verdict:
         return {"schema": SCHEMA, **plain}
 
     def models(self) -> tuple[tuple[str, Held], ...]:
-        """What the machine is held against, by the names that all outputs use."""
+        """The models that the machine is compared with, by the names that all outputs use."""
         known = [("before", self.baseline), ("calibrated", self.calibrated)]
         if self.extended.model != self.calibrated.model:
             known.append(("extended", self.extended))
         return tuple(known)
 
     def with_set_aside(self) -> str:
-        """The models' errors with the poses that were set aside; empty where none was."""
+        """Held-out errors including the poses set aside, in words; empty if there are none."""
         told = [
             f"{mm(model.with_set_aside_rms_mm)} mm {name}"
             for name, model in self.models()
@@ -238,7 +238,7 @@ class Verdict:
         return f"held-out error including the poses set aside: {', '.join(told)}" if told else ""
 
     def sentence(self) -> str:
-        """What an engineer reads first: what it is, how sure, and the errors of the models."""
+        """First sentence of a report: causes, their confidence, and errors of the models."""
         told = [
             f"{mm(model.held_out_rms_mm)} mm {name}"
             for name, model in self.models()
@@ -257,7 +257,7 @@ class Verdict:
 
 
 def _told(name: str, value: Estimate | str) -> str:
-    """A searched value, as words; the unit is in the name where it is an SI unit of time."""
+    """A searched value in words; a unit at the end of the name is not repeated in it."""
     if isinstance(value, str):
         return f"{spoken(name)} {value}"
     words = spoken(name.removesuffix(f"_{value.unit.lower()}"))
@@ -267,7 +267,7 @@ def _told(name: str, value: Estimate | str) -> str:
 
 
 def _plain(value: Any) -> Any:
-    """Tuples as lists, numbers as Python's own, all the way down."""
+    """Convert tuples to lists and numbers to Python's own types, recursively."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, tuple | list):

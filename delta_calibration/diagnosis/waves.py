@@ -1,12 +1,12 @@
-"""Products of columns that are waves of the joints' angles, at hundreds of orders together.
+"""Inner products of columns that are waves of the joint angles, at hundreds of orders together.
 
-Of a wave of order w what is asked is sums over the samples,
+A wave of order w needs sums over the samples,
 
     sum y sin(w q)        sum y cos(w q)
 
-and, of two joints, the same over q_r - q_s and q_r + q_s. The samples are laid on a grid of the
-angle once (`model/spreading.py`); an order then costs as much as the grid is long, whatever the
-number of samples, and the waves on the grid are those of all joints.
+and two joints need the same over q_r - q_s and q_r + q_s. The samples are spread on a grid of the
+angle once (`model/spreading.py`). The cost of an order is then proportional to the length of the
+grid, whatever the number of samples, and all joints use the same waves on the grid.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from delta_calibration.model.spreading import STEPS, kernel, spread
 
 Array = NDArray[np.float64]
 
-_QUADRATURE = 80  # points, of the kernel's transform
-_SEVERAL = 24  # orders, from which on it is worth to lay the samples on a grid
-_OVER = 2.0  # times as fine a grid as would do to draw the shortest wave
+_QUADRATURE = 80  # points of the quadrature of the kernel's transform
+_SEVERAL = 24  # least number of orders for which a grid saves time
+_OVER = 2.0  # oversampling of the shortest wave: the grid is this much finer than Nyquist's
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Steps of an angle that are fine enough for waves of some orders."""
+    """Grid of an angle, fine enough for waves of some orders."""
 
     step: float
 
     @classmethod
     def of(cls, orders: Array) -> Grid:
-        """For waves of these orders [1/angle], (K,)."""
+        """Grid for waves of these orders [1/angle], (K,)."""
         return cls(np.pi / (_OVER * float(orders.max())))
 
     @classmethod
     def fine(cls, orders: Array, angle: Array) -> Grid | None:
-        """The same, where sums over it are less work than sums over the samples.
+        """Grid for these waves, or None if sums over the samples are less work.
 
         Args:
             orders: (K,).
@@ -51,11 +51,11 @@ class Grid:
         return None if few else grid
 
     def points(self, width: float) -> int:
-        """How many it has where angles lie within so much of each other."""
+        """Number of grid points for angles within a range of `width`."""
         return int(np.ceil(width / self.step)) + STEPS + 1
 
     def laid(self, angle: Array, columns: Array) -> Laid:
-        """Columns (n, j) of samples at these angles, (n,)."""
+        """Spread columns (n, j) of samples at these angles, (n,), on the grid."""
         begin = float(angle.min()) - STEPS / 2 * self.step
         count = self.points(float(np.ptp(angle)))
         values = spread(angle, np.ascontiguousarray(columns), begin, self.step, count)
@@ -64,7 +64,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Laid:
-    """Columns of samples on a grid of an angle."""
+    """Columns of samples, spread on a grid of an angle."""
 
     begin: float
     values: Array  # (G, j)
@@ -76,7 +76,7 @@ class Waves:
 
     grid: Grid
     orders: Array  # (K,)
-    points: int  # of the longest grid that they are asked for on
+    points: int  # of the longest grid on which they are needed
 
     @cached_property
     def _phase(self) -> Array:
@@ -89,7 +89,7 @@ class Waves:
 
     @cached_property
     def _size(self) -> Array:
-        """Steps over the kernel's transform, (K, 1)."""
+        """Step of the grid over the kernel's transform h / K(w), (K, 1)."""
         x, values = _kernel()
         reach = STEPS / 2 * self.grid.step
         transform = np.cos(self.orders[:, None] * reach * x) @ values * reach
@@ -107,6 +107,6 @@ class Waves:
 
 @cache
 def _kernel() -> tuple[Array, Array]:
-    """Where the kernel is taken for its transform, and what it counts there, two (k,)."""
+    """Nodes of the kernel's quadrature, and weight times kernel at each, (k,) each."""
     x, weight = np.polynomial.legendre.leggauss(_QUADRATURE)
     return x, weight * np.array([kernel(float(each)) for each in x])
