@@ -1,4 +1,4 @@
-"""From the model of a machine as it is to the joint command that puts it right."""
+"""Compensation: joint commands that correct the errors of an identified machine."""
 
 from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
 from delta_calibration.compensation.base import Compensator, Correction

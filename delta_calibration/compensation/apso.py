@@ -1,26 +1,26 @@
-"""Compensation by a particle swarm whose inertia follows its own diversity (APSO).
+"""Compensation by a particle swarm whose inertia adapts to its diversity (APSO).
 
 Pan, Qiu, Liu, *Delta parallel robot assembly error analysis and calibration* (2017), section 3,
-search the correction dq in joint space. With x_i the place of particle i, p_i the best place it
-has seen, p_g the best that any has seen, all judged by the distance (9) of the model's tool point
-from the target:
+search the correction dq in joint space. With x_i the position of particle i, p_i its best position
+so far and p_g the best of the whole swarm, all judged by the distance (9) of the model's tool
+point from the target:
 
     v_i <- w v_i + c1 r1 (p_i - x_i) + c2 r2 (p_g - x_i),   x_i <- x_i + v_i     (10)
-    y_i = d . x_i, counted in m equal bins along the diagonal d                  (11), (12)
+    y_i = d . x_i, h_b of them in bin b of m equal bins along the diagonal d     (11), (12)
     E = -sum q_b ln q_b,  q_b = h_b / m                                          (13)
     w = 1 / (1 + 1.5 exp(-2.6 E))                                                (14)
 
-What the paper leaves open is fixed here. The diagonal is that of the search *box* |dq_j| <= bound,
-so that a swarm that has drawn together fills few bins; bins over the swarm's own extent would
-never let w fall. E is divided by ln m to lie in [0, 1], as (14) wants. Speed is bounded by a
-fraction of the box's width. The first particle starts at dq = 0, so that the answer is never
-further off than no correction. A target leaves the search when it is within the tolerance.
+The paper leaves some choices open; they are fixed here. The diagonal is that of the search *box*
+|dq_j| <= bound, so that a contracted swarm fills few bins; with bins over the swarm's own extent w
+would never fall. E is divided by ln m to lie in [0, 1], as (14) requires. Speed is bounded by a
+fraction of the box's width. The first particle starts at dq = 0, so that the result is never
+worse than no correction. A target leaves the search when it is within the tolerance.
 
-Every target sees the *same* stream of random numbers, made from `seed` alone. Its answer depends
-then on the seed, the target and the command, not on its row or its neighbours in the batch; and
+Every target uses the *same* stream of random numbers, made from `seed` alone. Its result then
+depends on the seed, the target and the command, not on its row or its neighbours in the batch; and
 along a path the corrections of neighbouring targets vary together.
 
-This is the law to read, for any mechanism; `Swarm` is the same one, compiled.
+This is the readable reference, for any mechanism; `Swarm` is the same algorithm, compiled.
 """
 
 from __future__ import annotations
@@ -45,22 +45,22 @@ from delta_calibration.compensation.base import (
 from delta_calibration.errors import InputError
 from delta_calibration.model.swarm_law import diversity, inertia
 
-FEWEST_PARTICLES = 16  # with 8 a search now and then settles on a wrong place
+FEWEST_PARTICLES = 16  # with 8, some searches converge to a wrong position
 _BLOCK = 256  # targets searched side by side: bounds memory, keeps the arrays in cache
 
 
 @dataclass(frozen=True)
 class ApsoSettings:
-    """How the swarm searches.
+    """Settings of the swarm's search.
 
-    The box should be a few times the correction that is expected: cost grows slowly with it, but
-    the solution has to lie inside.
+    The box should be a few times larger than the expected correction: the solution has to lie
+    inside it, and the cost grows only slowly with its size.
     """
 
     bound_rad: float = 0.03  # largest |dq_j|: half the width of the box
     particles: int = 24
     tolerance: float = 1e-7  # [m]
-    iterations: int = 200  # most moves of the swarm before a target is given up
+    iterations: int = 200  # largest number of moves before a target is given up
     velocity_fraction: float = 0.05  # largest |v_j| in widths of the box
     cognitive: float = 2.0  # c1, pull to the particle's own best
     social: float = 2.0  # c2, pull to the swarm's best
@@ -83,7 +83,7 @@ class ApsoSettings:
 
 @dataclass(frozen=True)
 class ApsoStep:
-    """The swarms of the targets still searched, after one evaluation; for plots and reports."""
+    """State of the swarms of unfinished targets after one evaluation; for plots and reports."""
 
     iteration: int
     rows: Counts  # (k,) the targets' rows in the call
@@ -99,7 +99,7 @@ def swarm_entropy(x: Array, bound: float) -> Array:
     """Return E (n,) of each swarm along the diagonal of its box: (11)-(13) divided by ln m.
 
     Args:
-        x: Places of the particles (joints, n, m) [rad], |x| <= bound.
+        x: Positions of the particles (joints, n, m) [rad], |x| <= bound.
         bound: Half the width of the box [rad].
     """
     return diversity(np.sum(x, axis=0) / (len(x) * bound))  # d . x in half diagonals, -1 to 1
@@ -125,7 +125,7 @@ def stream(s: ApsoSettings) -> np.random.Generator:
 
 
 def first_places(draws: np.random.Generator, joints: int, s: ApsoSettings) -> Array:
-    """Return where the particles start, (joints, m) [rad]: over the box, the first at dq = 0."""
+    """Return start positions (joints, m) [rad]: random in the box, the first at dq = 0."""
     start = s.bound_rad * (2.0 * draws.random((joints, s.particles)) - 1.0)
     start[:, 0] = 0.0
     return np.asarray(start)
@@ -133,7 +133,7 @@ def first_places(draws: np.random.Generator, joints: int, s: ApsoSettings) -> Ar
 
 @dataclass(frozen=True)
 class Apso:
-    """The swarm as a `Compensator`: needs the model's point only, no derivative, no smoothness."""
+    """APSO as a `Compensator`: needs only the model's point, no derivative, no smoothness."""
 
     point: PointFunction
     settings: ApsoSettings = field(default_factory=ApsoSettings)
@@ -143,11 +143,11 @@ class Apso:
 
         Args:
             q: Nominal commands (n, m) [rad].
-            target: Points they mean (n, 3) [m].
+            target: Tool points they are meant to reach (n, 3) [m].
             watch: Called after each evaluation of the swarms, with a block of targets at a time.
 
         Raises:
-            InputError: if the shapes do not belong together.
+            InputError: if the shapes do not match.
         """
         q, target, usable = checked_commands(q, target)
         rows = np.flatnonzero(usable)
@@ -156,7 +156,7 @@ class Apso:
         return joined(found, q.shape[1]).spread(usable)
 
     def _search(self, q: Array, target: Array, rows: Counts, watch: Watcher | None) -> Correction:
-        """Search finite targets side by side; `rows` is what the watcher knows them by."""
+        """Search finite targets side by side; `rows` are their row numbers for the watcher."""
         s = self.settings
         n, m = q.shape
         dq, error, evaluations = np.zeros((n, m)), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
@@ -192,9 +192,9 @@ class _Swarm:
         self._fitness = np.full((n, s.particles), np.inf)  # f(p_i)
 
     def judge(self, f: Array) -> None:
-        """Let each particle remember its place if f (n, particles) [m] is its best so far.
+        """Let each particle remember its position if f (n, particles) [m] is its best so far.
 
-        A place out of reach has infinite f and so is never remembered.
+        A position out of reach has infinite f and so is never remembered.
         """
         better = f < self._fitness
         self._fitness = np.where(better, f, self._fitness)
@@ -203,7 +203,7 @@ class _Swarm:
     def best(self) -> tuple[Array, Array]:
         """Return p_g (n, joints) [rad] and its distance (n,) [m]; 0, inf if none was in reach."""
         n = np.arange(len(self._fitness))
-        winner = np.argmin(self._fitness, axis=1)  # all infinite: the first, which began at zero
+        winner = np.argmin(self._fitness, axis=1)  # the first, at dq = 0, if all are infinite
         return self._own[:, n, winner].T, self._fitness[n, winner]
 
     def keep(self, going: Flags) -> None:
@@ -213,7 +213,7 @@ class _Swarm:
             self._fitness = self._fitness[going]
 
     def move(self, w: Array) -> None:
-        """Move every particle by (10), with the inertia w (n,) of its swarm; the box is a wall."""
+        """Move every particle by (10), with its swarm's inertia w (n,); clipped to the box."""
         s = self._settings
         r1, r2 = self._draws.random((2, len(self.x), 1, s.particles))
         leader = self.best()[0].T[:, :, None]

@@ -1,26 +1,26 @@
-"""The chain of a machine taken backward, from tool to command: compiled, for any mechanism.
+"""Compiled inverse of a machine's chain, from tool place to joint command, for any mechanism.
 
-For a nominal command q the target is the place p* that the drawing's machine takes there; sought
-is the command q + dq with
+The target of a nominal command q is the tool place p* of the nominal machine at q; sought is the
+command q + dq with
 
     place(stand(q + dq)) = p*      stand: the whole identified chain, see model/stand.py
 
-Where every joint moves the tool by itself, steps of Newton's in joints and pose at once find it:
-the pose closes as the tool comes to its target. What effects do is found anew between two steps,
-at the command and the pose that the last one has led to, so loads are found two or three times.
-Where this does not settle, or a step overshoots, the whole chain stands at every command that is
-tried, by Newton's method on the commands: the slope of the mechanism alone is off by what effects
-do, hundredths, which costs a step or two.
+Where every joint moves the tool by itself, Newton steps in joints and pose at once find it: the
+pose closes as the tool reaches its target. The effects are evaluated again between two steps, at
+the command and the pose of the last one, so loads are evaluated two or three times. Where this
+does not settle, or a step overshoots, Newton's method on the commands evaluates the whole chain
+at every command that it tries. Its Jacobian is that of the mechanism alone; it neglects the
+effects, which is an error of some hundredths and costs a step or two.
 
-Where all of the pose is aimed at and turns with it, or more joints pull than there are freedoms,
-the pose is found first and the joints that come to it with no joint working against another; then
-what the drives are to be told for these.
+Where the joints command the whole pose, and this includes rotation or the joints outnumber its
+coordinates, the pose is found first; then the joints for it, such that no joint works against
+another; then the drive commands for these joints.
 
-The pose of the drawing's machine at a command is a start for the machine as identified, which is
-millimetres off: it stands in the same assembly mode.
+The pose of the nominal machine at a command is the start pose of the identified machine, which
+differs by millimetres: both are in the same assembly mode.
 
-The play of a drive is crossed as soon as a command turns round, as the correction itself takes the
-joint across: travel since the turn does not count here.
+The backlash of a drive counts as crossed as soon as a command reverses, because the correction
+itself takes the joint across it: travel since the reversal is not used here.
 """
 
 from __future__ import annotations
@@ -90,32 +90,32 @@ Index = NDArray[np.int64]
 
 @record
 class TaskRecord(NamedTuple):
-    """What of the tool is aimed at, see aim.py."""
+    """Tool coordinates that the joints command, see task_coordinates.py."""
 
     tool: Array  # (3,) [m] in the platform
     axes: Index  # of x, y, z
     turns: bool
-    arm: float  # [m] by which a turn counts as a place
+    arm: float  # [m] h of task_coordinates.py: converts a rotation to a length
 
 
 @record
 class MachineRecord(NamedTuple):
-    """A machine as identified, or as drawn, and how it is to be asked."""
+    """An identified or a nominal machine, and how its commands are found."""
 
     body: Body
     stages: Stages
     g: Array  # (p,)
-    theta: Array  # in which the effects' values are
+    theta: Array  # parameters, among them the effects' values
     aim: TaskRecord
     by_pose: bool  # whether the pose is found before the joints
     reshaped: bool  # whether dimensions change from command to command
-    exact: bool  # whether the mechanism's opening is the pose itself
-    stray: float  # largest closure that counts as closed
+    exact: bool  # whether the mechanism's opening law gives the pose itself
+    stray: float  # largest closure residual that counts as closed
 
 
 @record
 class Search(NamedTuple):
-    """Limits of Newton's method: of a correction, of its error, of its steps."""
+    """Limits of Newton's method: for the correction, its error and the number of steps."""
 
     bound: float  # largest |dq_j|
     tolerance: float  # [m]
@@ -125,28 +125,28 @@ class Search(NamedTuple):
 
 @record
 class Place(NamedTuple):
-    """Scratch for one machine's places."""
+    """Scratch arrays to evaluate the tool places of one machine."""
 
     state: State
     place: Array  # (a,)
-    slope: Array  # (a, k) by the pose
-    by_q: Array  # (a, m)
+    slope: Array  # (a, k) d(place)/d(pose)
+    by_q: Array  # (a, m) d(place)/dq
     by_g: Array  # (a, 0)
     x: Array  # (k,)
     signals: Array  # (S,)
     offset: Array  # (3,)
     normal: Array
     dq: Array  # (m,)
-    step: Array  # of joints or of the pose
+    step: Array  # Newton step of the joints or of the pose
     there: Array  # (m,)
-    stood: Array  # (k,) pose that is asked for anew
-    near: Array  # (1,) 1 where x is a pose nearby, 0 where it is to be sought from the beginning
-    settled: Array  # (1,) 1 where it stands at the command that was found, effects and all
+    stood: Array  # (k,) copy of the pose while it is checked
+    near: Array  # (1,) 1 if x is a pose nearby, 0 if the pose has to be found from the beginning
+    settled: Array  # (1,) 1 if x is the pose at the command that was found, with all effects
 
 
 @compiled()
 def scratch(machine: MachineRecord, signals: int) -> Place:
-    """Scratch for places of a machine; `signals` is the length of a sample's row."""
+    """Allocate scratch arrays for a machine; `signals` is the length of a sample's row."""
     sizes = machine.body.limbs.sizes
     count = len(machine.aim.axes) + (9 if machine.aim.turns else 0)
     wide = max(count, max(sizes[K], sizes[M])) + 1
@@ -173,9 +173,9 @@ def scratch(machine: MachineRecord, signals: int) -> Place:
 
 @compiled(borrows=True)
 def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
-    """Place of the tool at pose x (k,), and its slope by the pose."""
+    """Compute the tool place at pose x (k,) and its derivatives by the pose."""
     bearing, aim, k = machine.body.bearing, machine.aim, len(x)
-    point = room.state.carried.point  # of the loads, too: at the same pose it is evaluated once
+    point = room.state.carried.point  # shared with the loads: evaluated once for each pose
     point_at(bearing, x, aim.tool, point)
     f, slope = bearing.point_at[2], bearing.point_at[3]
     for row in range(len(aim.axes)):
@@ -198,9 +198,9 @@ def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
 
 @compiled(borrows=True)
 def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
-    """Bring the machine to a command under a sample's signals; its place with it.
+    """Solve pose and tool place at a command under a sample's signals; False if there is none.
 
-    From the pose before, where it stood already; see `begin`.
+    Starts from the previous pose if there is one; see `begin`.
     """
     copy_into(room.signals, signals)
     for i in range(len(q)):
@@ -224,7 +224,7 @@ def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> boo
 
 @compiled(borrows=True)
 def begin(machine: MachineRecord, room: Place) -> None:
-    """Forget the pose before: what is found of a command does not depend on others."""
+    """Forget the previous pose, so that the result of a command does not depend on others."""
     room.near[0] = room.settled[0] = 0.0
     loads, first = room.state.carried, machine.body.bearing.point_at[0]
     room.state.room.work[0, machine.body.limbs.at[X]] = np.nan
@@ -233,9 +233,9 @@ def begin(machine: MachineRecord, room: Place) -> None:
 
 @compiled(borrows=True)
 def begin_near(drawn: MachineRecord, stood: Place, machine: MachineRecord, room: Place) -> None:
-    """Begin where the drawing's machine stood, if the machine is of its kind.
+    """Start from the nominal machine's pose, if both machines are the same mechanism.
 
-    Where a law gives a pose near the machine's own, that is asked: see `begin`.
+    A machine with an opening law starts from that law's pose instead: see `begin`.
     """
     begin(machine, room)
     same = drawn.body.limbs.law[NEAR] == machine.body.limbs.law[NEAR]
@@ -255,7 +255,7 @@ def distance(room: Place, target: Array) -> float:
 
 @compiled(borrows=True)
 def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place) -> float:
-    """Distance from the target after a command [m]; infinite where the machine cannot stand."""
+    """Distance from the target at a command [m]; infinite if the machine has no pose there."""
     if not stands(machine, q, signals, room):
         return np.inf
     far = distance(room, target)
@@ -266,11 +266,11 @@ def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, roo
 def verified(
     machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
 ) -> float:
-    """Distance from the target after a command that `correct` has found [m].
+    """Distance from the target at a command that `correct` has found, solved again [m].
 
-    Found from the beginning, in the machine's own assembly mode; infinite where it cannot stand
-    there. Where it stands there already, effects and all, only the assembly mode is found anew.
-    Effects that are not gentle may lead elsewhere, see `found_anew`; `correct` has asked that.
+    Solved from the beginning, in the machine's own assembly mode; infinite if there is no pose.
+    If x is already the pose at this command, with all effects, only its assembly mode is checked.
+    Effects that are not gentle may lead elsewhere, see `found_anew`; `correct` has checked that.
     """
     state = room.state
     if not machine.stages.gentle:
@@ -291,10 +291,10 @@ def verified(
 def found_anew(
     machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
 ) -> float:
-    """Distance from the target after a command of effects that are not gentle [m].
+    """Distance from the target at a command, solved again with effects that are not gentle [m].
 
-    From the beginning. Where the first round of the effects already ends, another try begins a
-    little aside: a pose that rounds lead away from may be hit, but is none that the machine takes.
+    If the effects settle in the first round already, a second solution starts slightly aside: the
+    first may be an unstable fixed point of the rounds, which is no pose that the machine takes.
     """
     begin(machine, room)
     error = reached(machine, q, signals, target, room)
@@ -308,9 +308,9 @@ def found_anew(
 
 @compiled(borrows=True)
 def _led_back(machine: MachineRecord, q: Array, room: Place) -> bool:
-    """Whether the effects, begun anew without a shift, lead back to this pose in one round.
+    """Whether one round of the effects, started without a shift, leads back to this pose.
 
-    Then further rounds stay there, as it has settled. Not where it begins there already.
+    Then further rounds stay there, as it has settled. False if the start is this pose already.
     """
     body, stages, state = machine.body, machine.stages, room.state
     swing = state.swing[0]
@@ -330,7 +330,7 @@ def _led_back(machine: MachineRecord, q: Array, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _slope(machine: MachineRecord, room: Place) -> None:
-    """d(place)/dq of the mechanism where it stands, into by_q."""
+    """Write d(place)/dq of the mechanism at its pose into `by_q`."""
     state = room.state
     place(machine.body.limbs, state.joint, room.x, BESIDE, state.room)
     moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
@@ -338,9 +338,9 @@ def _slope(machine: MachineRecord, room: Place) -> None:
 
 @compiled(borrows=True)
 def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step: Array) -> bool:
-    """The step that brings a place to its target, by slope (a, c), a and c whatever they are.
+    """Compute the Newton step of a place to its target, for a Jacobian `slope` (a, c).
 
-    Least squares where the place has more coordinates, the shortest step where it has fewer.
+    Least squares if a > c, else the step of least length; False if the system is singular.
     """
     rows, count = slope.shape
     for i in range(rows):
@@ -367,7 +367,7 @@ def newton(
     best: Array,
     room: Place,
 ) -> tuple[float, int]:
-    """Correct one command (m,), from `best` (m,) on; distance that is left [m] and evaluations."""
+    """Correct one command (m,), starting at `best` (m,); remaining distance [m], evaluations."""
     m, dq, step, there = len(q), room.dq, room.step, room.there
     for i in range(m):
         there[i] = q[i] + best[i]
@@ -399,13 +399,13 @@ def newton(
 
 @compiled(borrows=True)
 def _aimed(machine: MachineRecord, target: Array, room: Place) -> bool:
-    """The joints' step to the target (a,), by what is at joints and a pose nearby, into `step`.
+    """Write the joints' Newton step to the target (a,) into `step`, from a pose nearby.
 
-    The pose need not close: with F = f_x^+ f the machine stands at x - F, nearly, and
+    The pose need not close: with F = f_x^+ f the closed pose is nearly x - F, and
 
         place(x) - p_x F + by_q dq = target        by_q = -p_x f_x^+ f_q
 
-    `place` becomes that at x - F, and `swing` says how far this is.
+    `place` becomes the place at x - F, and `swing` the size of F.
     """
     limbs, state = machine.body.limbs, room.state
     own, swing = state.room, 0.0
@@ -415,7 +415,7 @@ def _aimed(machine: MachineRecord, target: Array, room: Place) -> bool:
         return False
     closing(limbs, own)
     for i in range(len(room.x)):
-        swing += abs(own.step[i])  # not a number if one is not
+        swing += abs(own.step[i])  # NaN if any of them is
         for row in range(len(room.place)):
             room.place[row] -= room.slope[row, i] * own.step[i]
     state.swing[0] = swing
@@ -428,9 +428,9 @@ def _aimed(machine: MachineRecord, target: Array, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _stepped(machine: MachineRecord, search: Search, room: Place) -> bool:
-    """Correction, command and joints less a step, and the pose where that leads, after `_aimed`.
+    """Apply the step of `_aimed` to the correction, the command, the joints and the pose.
 
-    False beyond the bound.
+    False if the correction exceeds the bound.
     """
     state, by, at = room.state, room.there, machine.stages.at[JOINT]
     for i in range(len(by)):
@@ -448,7 +448,7 @@ def _stepped(machine: MachineRecord, search: Search, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _begun(machine: MachineRecord, room: Place) -> bool:
-    """A pose near that of the command, by effects that need no pose, or by none."""
+    """Find a start pose near that of the command; effects count if none needs the pose."""
     body, stages, state = machine.body, machine.stages, room.state
     if not stages.stands:
         shift(body, stages, room.signals, machine.g, machine.theta, state)
@@ -459,7 +459,7 @@ def _begun(machine: MachineRecord, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _share(now: float, before: float, square: bool) -> float:
-    """What the next step leaves of what this one had to do, by the one before it."""
+    """Estimate the share of `now` that a step leaves; `square` if steps converge quadratically."""
     share = now / before if now < before else 1.0
     return share * share if square else share
 
@@ -474,13 +474,13 @@ def taking_turns(
     best: Array,
     room: Place,
 ) -> tuple[float, int]:
-    """Correct one command (m,) as `newton` does, steps and rounds of the effects in turn.
+    """Correct one command (m,) as `newton` does, by steps and rounds of the effects in turn.
 
-    A step is one of joints and pose at once, so nothing is assembled between two: the pose closes
-    as the tool comes to its target. The first one is without effects that need a pose, a round of
-    them goes before every other. What a step and a round leave is known by those before. Ends
-    with `swing` what one more round would have moved, or with an infinite distance and `best` as
-    it was: where a step overshoots, too, which `newton` halves.
+    A step moves joints and pose at once, so nothing is assembled between two: the pose closes as
+    the tool reaches its target. The first step leaves out effects that need a pose; a round of
+    these precedes every other step. The error that remains after a step and a round is estimated
+    from the previous ones. On return `swing` is how far one more round would move the pose. On
+    failure, or if a step overshoots (`newton` halves it), the distance is infinite, `best` kept.
     """
     body, stages, state = machine.body, machine.stages, room.state
     m, at, dq = len(q), stages.at[JOINT], room.dq
@@ -492,7 +492,7 @@ def taking_turns(
         return np.inf, 1
     missed, before, last, turn = 0.0, 0.0, False, 0
     limbs = body.limbs
-    square = not stages.stands and limbs.sizes[R] == limbs.sizes[K]  # all steps are Newton's
+    square = not stages.stands and limbs.sizes[R] == limbs.sizes[K]  # all are Newton steps
     while not last and turn < ROUNDS:
         turn += 1
         if turn > 1 and stages.stands:
@@ -521,9 +521,9 @@ def taking_turns(
 
 @compiled(borrows=True)
 def _told(machine: MachineRecord, room: Place) -> float:
-    """Let effects that need no pose be those at the command that has the joints of a step.
+    """Adjust the command until the effects that need no pose give the joints of the step.
 
-    Largest difference that is left between these joints and those wanted [rad, m].
+    Returns the largest difference from these joints before the last adjustment [rad, m].
     """
     state, at, most = room.state, machine.stages.at[JOINT], 0.0
     copy_into(room.there, state.joint)
@@ -540,9 +540,9 @@ def _told(machine: MachineRecord, room: Place) -> float:
 
 @compiled(borrows=True)
 def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
-    """Bring the pose x to the target, whatever the joints say.
+    """Move the pose x to the target by Newton steps, ignoring the joints.
 
-    Steps are Newton's: what one leaves is known by the one before.
+    The error that a step leaves is estimated from the step before.
     """
     step, before = room.step, 0.0
     for _ in range(ROUNDS):
@@ -564,7 +564,7 @@ def _posed(machine: MachineRecord, target: Array, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _joined(machine: MachineRecord, room: Place) -> bool:
-    """Bring the joints behind the drives to the pose x; what a step leaves is known as there."""
+    """Solve the joints behind the drives for the pose x, with an estimate as in `_posed`."""
     limbs, state = machine.body.limbs, room.state
     own, step, before = state.room, room.step, 0.0
     for _ in range(2 * ROUNDS):
@@ -586,7 +586,7 @@ def _joined(machine: MachineRecord, room: Place) -> bool:
 
 @compiled(borrows=True)
 def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
-    """A pose and joints to begin at: those where the machine stands, or a pose nearby."""
+    """Set the pose and joints to start from: solved at the command, or a pose nearby."""
     if room.near[0] == 0.0:
         return stands(machine, q, signals, room)
     copy_into(room.signals, signals)
@@ -600,10 +600,10 @@ def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> b
 def by_pose(
     machine: MachineRecord, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
-    """Correct one command by first finding the pose that has the place, then joints and command.
+    """Correct one command by finding the pose at the target first, then joints and command.
 
-    For machines whose joints command all of the pose: see the module's beginning. Distance that
-    is left [m], and evaluations.
+    For machines whose joints command the whole pose: see the module docstring. Returns the
+    remaining distance [m] and the number of evaluations.
     """
     limbs, state, stages = machine.body.limbs, room.state, machine.stages
     m, told, shift = limbs.sizes[M], room.there, room.dq
@@ -643,7 +643,7 @@ def by_pose(
 
 @compiled()
 def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
-    """Places (n, a) and poses (n, k) of a machine; NaN rows where it cannot stand."""
+    """Tool places (n, a) and poses (n, k) of a machine; NaN rows where it has no pose."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     found = np.full((n, len(room.place)), np.nan)
     x = np.full((n, len(room.x)), np.nan)
@@ -658,7 +658,7 @@ def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
 
 @compiled()
 def slopes(machine: MachineRecord, signals: Array) -> Array:
-    """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it cannot stand."""
+    """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it has no pose."""
     n, room = len(signals), scratch(machine, signals.shape[1])
     at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
     found = np.full((n, len(room.place), m), np.nan)
@@ -676,7 +676,7 @@ def corrections(
 ) -> tuple[Array, Array, Index]:
     """Corrections dq (n, m), distances (n,) [m], evaluations (n,) of commands under signals.
 
-    Sought from `start` (n, m), where that counts.
+    The search starts at `start` (n, m), which `by_pose` ignores.
     """
     n, m, at = len(signals), machine.body.limbs.sizes[M], machine.stages.at[JOINT]
     dq, error, count = start.copy(), np.empty(n), np.empty(n, dtype=np.int64)
@@ -705,9 +705,9 @@ def correct(
     best: Array,
     room: Place,
 ) -> tuple[float, int]:
-    """Correct one command the way that goes with the mechanism; never beyond the bound.
+    """Correct one command by the method that suits the mechanism; never beyond the bound.
 
-    From where `begin` or `begin_near` let it begin.
+    Starts from the state that `begin` or `begin_near` has set.
     """
     error, count = np.inf, 0
     if machine.by_pose:

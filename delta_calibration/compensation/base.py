@@ -1,11 +1,11 @@
-"""What every way of compensating has in common.
+"""Interface, result and checks that all compensation methods share.
 
 For a nominal joint command q and the tool point p* that it was meant to reach, a compensator finds
 
     dq with  point(q + dq) = p*,   |dq_j| <= bound,
 
-where `point` is the model of the machine as it is. How that model was made is not asked here.
-Where the joints turn the tool as well, the point has more than three coordinates: see aim.py.
+where `point` is the model of the actual machine, no matter how it was identified. Where the
+joints rotate the tool as well, the point has more coordinates: see task_coordinates.py.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
 
-REACHED = 1e-6  # [m] by the model; a correction that ends farther off is none
+REACHED = 1e-6  # [m] error by the model; a correction that ends farther off counts as none
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -35,12 +35,12 @@ differs between commands (payload, temperature, direction) is fixed inside: one 
 
 @dataclass(frozen=True)
 class Correction:
-    """What to add to each nominal command, and what the model says of the result.
+    """Corrections to add to nominal commands, and their errors by the model.
 
     `error` is the distance that the *model* still has to the target after the correction: it tells
-    how well the search did, not how accurate the real machine is. It is infinite where nothing
-    could be evaluated (a target or command that is not finite, no candidate in reach); `dq` is
-    zero there.
+    how well the search converged, not how accurate the real machine is. It is infinite where
+    nothing could be evaluated (a target or command that is not finite, no candidate in reach);
+    `dq` is zero there.
     """
 
     dq: Array  # (n, m) [rad]
@@ -50,7 +50,7 @@ class Correction:
 
     @classmethod
     def none(cls, n: int, m: int) -> Correction:
-        """Return the correction that corrects nothing: zero, its error unknown."""
+        """Return n zero corrections of m joints, with infinite error."""
         return cls(
             dq=np.zeros((n, m)),
             error=np.full(n, np.inf),
@@ -59,7 +59,7 @@ class Correction:
         )
 
     def spread(self, usable: Flags) -> Correction:
-        """Return a correction of all rows: this one's where `usable` (n,), nothing elsewhere."""
+        """Return corrections of all n rows: these where `usable` (n,), zero ones elsewhere."""
         if usable.all():
             return self
         whole = Correction.none(len(usable), self.dq.shape[1])
@@ -71,15 +71,15 @@ class Correction:
 
 
 class Compensator(Protocol):
-    """One way to the correction; all ways answer the same question in the same form."""
+    """Interface of a compensation method."""
 
     def correct(self, q: Array, target: Array) -> Correction:
-        """Return dq for nominal commands q (n, m) [rad] and the points they mean, (n, d) [m]."""
+        """Return dq for nominal commands q (n, m) [rad] and their target points (n, d) [m]."""
         ...
 
 
 def joined(parts: Iterable[Correction], m: int) -> Correction:
-    """Return corrections of m joints one after the other, in one."""
+    """Concatenate corrections of m joints."""
     every = [Correction.none(0, m), *parts]
     return Correction(
         dq=np.concatenate([part.dq for part in every]),
@@ -97,10 +97,10 @@ def checked_commands(
     Args:
         q: Commands.
         target: Targets.
-        size: What d has to be; any where not given.
+        size: Required d; any if not given.
 
     Raises:
-        InputError: if the shapes do not belong together.
+        InputError: if the shapes do not match.
     """
     q, target = np.asarray(q, dtype=np.float64), np.asarray(target, dtype=np.float64)
     if q.ndim != 2 or q.shape[1] == 0:

@@ -1,7 +1,7 @@
-"""Commands through guards, correction and limits: compiled, one command or many, any mechanism.
+"""Compiled guards, correction and limits of joint commands, one or many, any mechanism.
 
-What is decided of a command stands here once: a stream's single commands and batches go the same
-way, and so do corrections that were found otherwise, by a swarm or a table.
+All decisions on a command are made here: for single commands of a stream, for batches, and for
+corrections that were found otherwise, by a swarm or a table.
 """
 
 from __future__ import annotations
@@ -33,30 +33,30 @@ Index = NDArray[np.int64]
 (PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK, NOT_REACHED) = (
     range(8)
 )
-FOUND, JUDGED, VERIFIED = range(3)  # what is asked for
-SHARE, LEFT, TURN, COUNT = range(4)  # numbers that are told of a command
+FOUND, JUDGED, VERIFIED = range(3)  # modes of `every`
+SHARE, LEFT, TURN, COUNT = range(4)  # of `told`: share applied, error [m], [rad], evaluations
 _SWEEPS = 60
-_SQUARE, _MUCH = 1e-15, 1e-9  # cosine of an angle that is a right one; that needs another sweep
-_LOST = 1e-12  # share of a square that rounding may have left
+_SQUARE, _MUCH = 1e-15, 1e-9  # |cosine| that counts as 0; that needs another sweep
+_LOST = 1e-12  # share of the trace that may be left of a pivot by rounding alone
 
 
 @record
 class Guards(NamedTuple):
-    """What a command and its correction must keep to."""
+    """Limits that a command and its correction must satisfy."""
 
     planes: Array  # (f, 4) faces of the calibrated region: n . p + d <= 0 inside
     lower: Array  # (m,) of the joints
     upper: Array  # (m,)
-    least: Array  # (m,) joint angles that were measured, and a little beyond
+    least: Array  # (m,) range of the joint angles measured, with a margin
     most: Array  # (m,)
-    condition: float  # of the drawing's machine, at most
-    typical: float  # gain that it compares with [m/rad]
+    condition: float  # largest condition number of the nominal machine's Jacobian
+    typical: float  # typical gain that it is compared with [m/rad]
     margin: float  # [m] beyond the region over which corrections are blended out
-    on_face: float  # [m] how near a point on a face of the region is to it
-    correction: float  # largest of a joint
+    on_face: float  # [m] a point this near a face of the region is on it
+    correction: float  # largest correction of a joint
     reached: float  # [m] distance that counts as reached
-    stepped: float  # [m] the same where a clearance is crossed by the correction itself
-    pulls: int  # loads to be asked for where limbs can pull only, else 0
+    stepped: float  # [m] the same of a machine whose dimensions change, as by a clearance
+    pulls: int  # loads to evaluate where limbs can only pull (cables), else 0
 
 
 @record
@@ -65,9 +65,9 @@ class CommandRoom(NamedTuple):
 
     drawn: Place
     own: Place
-    signals: Array  # of the drawing's machine
+    signals: Array  # of the nominal machine
     origin: Array  # (3,)
-    task: Array  # (t, k) first rows of one
+    task: Array  # (t, k) first rows of the unit matrix
     by_q: Array  # (t, m)
     by_g: Array  # (t, 0)
     told: Array  # (m,)
@@ -76,7 +76,7 @@ class CommandRoom(NamedTuple):
 
 @record
 class Single(NamedTuple):
-    """All that single commands need."""
+    """Machines, guards, settings and scratch arrays for single commands."""
 
     drawn: MachineRecord
     machine: MachineRecord
@@ -89,7 +89,7 @@ class Single(NamedTuple):
 def command_room(
     drawn: MachineRecord, machine: MachineRecord, of_drawn: int, of_own: int
 ) -> CommandRoom:
-    """Scratch; the sizes are those of a sample's signals for either machine."""
+    """Allocate scratch; the sizes are lengths of a sample's signals for either machine."""
     sizes = drawn.body.limbs.sizes
     return CommandRoom(
         scratch(drawn, of_drawn),
@@ -132,7 +132,7 @@ def _outside(guards: Guards, point: Array) -> float:
 
 @compiled(borrows=True)
 def _unseen(guards: Guards, q: Array) -> float:
-    """How far beyond the joints measured a command lies, as far as that moves the tool [m]."""
+    """Excess of a command over the measured joint range, converted to tool motion [m]."""
     most = -np.inf
     for i in range(len(q)):
         most = max(most, guards.least[i] - q[i], q[i] - guards.most[i])
@@ -141,7 +141,7 @@ def _unseen(guards: Guards, q: Array) -> float:
 
 @compiled(borrows=True)
 def _turned(values: Array, i: int, j: int, flat: bool) -> bool:
-    """Turn two rows (columns where it is not flat) square to each other; whether it was much."""
+    """Rotate two rows (columns if not `flat`) to be orthogonal; True if a sweep must follow."""
     length = values.shape[1] if flat else values.shape[0]
     own, other, cross = 0.0, 0.0, 0.0
     for e in range(length):
@@ -162,14 +162,14 @@ def _turned(values: Array, i: int, j: int, flat: bool) -> bool:
         else:
             u, v = values[e, i], values[e, j]
             values[e, i], values[e, j] = c * u - s * v, s * u + c * v
-    return bool(abs(cross) > _MUCH * scale)  # a sweep squares what is left
+    return bool(abs(cross) > _MUCH * scale)  # a sweep squares the remaining cosine
 
 
 @compiled(borrows=True)
 def gains_of(values: Array) -> tuple[float, float]:
-    """Largest and smallest singular value of a matrix, which is used up: Jacobi, one side.
+    """Largest and smallest singular value by one-sided Jacobi rotations; destroys the matrix.
 
-    LAPACK's takes longer, most of all where its code has not been used for a millisecond.
+    LAPACK's takes longer, most of all when its code has not been used for a millisecond.
     """
     flat = values.shape[0] <= values.shape[1]
     count = min(values.shape[0], values.shape[1])
@@ -191,11 +191,12 @@ def gains_of(values: Array) -> tuple[float, float]:
 
 @compiled(borrows=True)
 def gains_within(values: Array, system: Array) -> tuple[float, float]:
-    """Bounds of the singular values of a matrix, none above the first or below the second.
+    """Upper and lower bound of all singular values of a matrix.
 
     By A A^T = L L^T (or A^T A, whichever is the smaller): the largest is no larger than the
-    Frobenius norm of L, the smallest no smaller than one over that of L^-1. At a fraction of the
-    work of `gains_of`, and at most the root of their number off. Zero where it cannot be told.
+    Frobenius norm of L, the smallest no smaller than one over that of L^-1. Takes a fraction
+    of the work of `gains_of`; a bound is off by at most the square root of their number. The
+    lower bound is 0 where rounding hides it.
     """
     flat = values.shape[0] <= values.shape[1]
     count = min(values.shape[0], values.shape[1])
@@ -227,14 +228,14 @@ def gains_within(values: Array, system: Array) -> tuple[float, float]:
 
 @compiled(borrows=True)
 def _alike(guards: Guards, most: float, least: float) -> bool:
-    """Whether gains of these sizes are close enough to each other and to the typical one."""
+    """Whether the extreme gains are close enough to each other and to the typical gain."""
     most, least = max(most, guards.typical), min(least, guards.typical)
     return bool(most <= guards.condition * least and least > 0.0)
 
 
 @compiled(borrows=True)
 def _regular(drawn: MachineRecord, guards: Guards, room: CommandRoom) -> bool:
-    """Whether the drawing's machine, as it stands, is far enough from a singularity."""
+    """Whether the nominal machine's pose is far enough from a singularity."""
     own = room.drawn
     place(drawn.body.limbs, own.state.joint, own.x, BESIDE, own.state.room)
     moved(drawn.body.limbs, room.task, own.state.room, room.by_q, room.by_g)
@@ -252,7 +253,7 @@ def _regular(drawn: MachineRecord, guards: Guards, room: CommandRoom) -> bool:
 def _borne(
     drawn: MachineRecord, guards: Guards, payload: float, centre: Array, room: CommandRoom
 ) -> bool:
-    """Whether every cable pulls, a payload that is not known being none."""
+    """Whether every cable is in tension; an unknown payload counts as zero."""
     own, still = room.drawn, room.still
     known = payload == payload and _finite(centre)
     where = centre if known else room.origin
@@ -287,10 +288,10 @@ def judged(
     told: Array,
     room: CommandRoom,
 ) -> int:
-    """The first guard that a command (m,) fails, `PASSED` where it passes all.
+    """Return the code of the first guard that a command (m,) fails, or `PASSED`.
 
-    Its target goes into `target` (a,), the share of its correction that is to be applied there
-    into `told`.
+    Writes the command's target into `target` (a,), and the share of the correction that is to be
+    applied there into `told`.
     """
     told[SHARE] = 0.0
     target[:] = np.nan
@@ -335,12 +336,12 @@ def finished(
     told: Array,
     room: CommandRoom,
 ) -> int:
-    """What becomes of a correction that was found, dq (m,): its share is applied, or nothing.
+    """Check a correction dq (m,) and apply its share, or set it to zero; returns the code.
 
-    Judged by the whole chain run forward. The distance from the target that is left goes into
-    `told`, and the turn. Where the effects do not settle the machine may stand a swing aside.
-    About a clearance that is crossed by crossing it this is at most its size, and either side
-    counts as reached; where it is more, or nothing has a clearance, there is no correction.
+    The whole chain, run forward, gives the remaining distance and rotation, written into `told`.
+    Where the effects do not settle, the machine may be off by the swing of the last round. At a
+    clearance that the correction itself crosses, this is at most the clearance, and either side
+    counts as reached. A larger swing, or one of a machine without clearances, is rejected.
     """
     share, bounded = told[SHARE], True
     told[LEFT], told[TURN] = np.inf, np.inf
@@ -390,7 +391,7 @@ def commanded(
     told: Array,
     room: CommandRoom,
 ) -> int:
-    """Guards and correction of one command q (m,) under its signals; see `Guards`."""
+    """Apply guards and correction to one command q (m,) under its signals; see `Guards`."""
     dq[:] = 0.0
     told[:] = 0.0
     told[LEFT], told[TURN] = np.inf, np.inf
@@ -419,16 +420,16 @@ def every(
     dq: Array,
     told: Array,
 ) -> Index:
-    """The same of n commands: codes (n,); targets (n, a), dq (n, m), `told` (n, 4) are filled in.
+    """Apply `commanded` to n commands: returns codes (n,); fills in `target`, `dq` and `told`.
 
     Args:
-        drawn: the drawing's machine.
-        machine: as identified.
-        guards: what must be kept to.
-        search: Newton's settings.
-        of_drawn: numbers of a sample's signals for the drawing's machine.
-        mode: `FOUND` to correct, `JUDGED` for guards and targets alone, `VERIFIED` for what
-            becomes of corrections dq that were found otherwise.
+        drawn: the nominal machine.
+        machine: the identified machine.
+        guards: limits to be kept.
+        search: settings of Newton's method.
+        of_drawn: length of a sample's signals for the nominal machine.
+        mode: `FOUND` to correct, `JUDGED` for guards and targets alone, `VERIFIED` to check
+            corrections dq that were found otherwise, with `target` and the share in `told` given.
         q: commands (n, m).
         signals: of the commands, (n, S).
         payload: [kg] (n,).
@@ -436,7 +437,7 @@ def every(
         usable: whether all conditions of a command are known, (n,).
         target: places (n, a).
         dq: corrections (n, m).
-        told: numbers, see above.
+        told: results (n, 4): `SHARE`, `LEFT`, `TURN`, `COUNT`.
     """
     n = len(q)
     room, code = command_room(drawn, machine, of_drawn, signals.shape[1]), np.zeros(n, np.int64)
@@ -477,7 +478,7 @@ def single(
     dq: Array,
     told: Array,
 ) -> int:
-    """The same of one command (m,)."""
+    """Apply `commanded` to one command (m,)."""
     return commanded(
         own.drawn,
         own.machine,

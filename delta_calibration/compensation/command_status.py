@@ -1,4 +1,4 @@
-"""What a compensator answers to commands."""
+"""Results of a compensator: corrected commands and the status of each."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class CommandStatus(Enum):
-    """What became of a command; the value is the reason in words."""
+    """Outcome of a command; the value is the reason in words."""
 
     CORRECTED = "corrected"
     NOT_FINITE = "a joint angle is not a finite number"
@@ -29,7 +29,7 @@ class CommandStatus(Enum):
 
 @dataclass(frozen=True)
 class Compensated:
-    """Corrected commands, and what became of each."""
+    """Corrected commands, with the outcome of each."""
 
     joint: Array  # (n, m) [rad] what to send: q + dq, or q where there is no correction
     correction: Array  # (n, m) [rad]
@@ -37,21 +37,21 @@ class Compensated:
     model_error: Array
     evaluations: NDArray[np.int64]  # (n,) of the model
     verdicts: tuple[CommandStatus, ...]  # (n,)
-    missing: str = ""  # what was not known, in words
-    # (n,) of the whole correction that `correction` is: 1 in the calibrated region, less and less
-    # beyond it. None where corrections end at an edge instead
+    missing: str = ""  # conditions that were not known, in words
+    # (n,) share of the whole correction that is applied: 1 in the calibrated region, falling to 0
+    # over a margin beyond it. None where corrections end at the edge instead
     share: Array | None = None
-    # (n,) [rad] turn that is left to the target, as `model_error`; None where the joints command
-    # no turn
+    # (n,) [rad] remaining rotation to the target *by the model*; None where the joints command
+    # no rotation
     model_turn: Array | None = None
 
     def blended(self, row: int) -> bool:
-        """Whether a command got a part of its correction only."""
+        """Whether a command got only a part of its correction."""
         return self.share is not None and 0.0 < float(self.share[row]) < 1.0
 
     @classmethod
     def joined(cls, parts: Sequence[Compensated]) -> Compensated:
-        """Commands one after the other, in one."""
+        """Concatenate the results of several calls."""
         return cls(
             joint=np.concatenate([part.joint for part in parts]),
             correction=np.concatenate([part.correction for part in parts]),

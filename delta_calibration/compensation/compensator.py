@@ -1,8 +1,8 @@
-"""From a nominal joint command to the one that puts the tool where the nominal robot meant it.
+"""Correction of joint commands, so that the tool goes where the nominal robot would put it.
 
-For a nominal command q the target is p* = FK_nominal(q); the answer is the command q + dq that
-brings the identified chain there, under the conditions that the command is given in. Every path to
-it is guarded: a command that fails a guard gets no correction, and the reason.
+For a nominal command q the target is p* = FK_nominal(q); the result is the command q + dq that
+brings the identified chain there, under the conditions of the command. Guards check every
+command: one that fails a guard gets no correction, and the reason.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from delta_calibration.model.chain_constants import OF_PULLS
 
 Array = NDArray[np.float64]
 
-_PLACES = 10_000  # of the region at which a table is tried, beside the middles of its cells
-_WIDE = 10.0  # times the bound of a correction: at nodes beyond the region it may be larger
-_BEYOND = 0.1  # of the range of each joint: as much as places among those measured may ask for
+_PLACES = 10_000  # points of the region at which a table is checked, besides its cells' middles
+_WIDE = 10.0  # times the bound: corrections at nodes beyond the region may be larger
+_BEYOND = 0.1  # of each joint's measured range: places between those measured may need this
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
-_STEPPED = 3e-4  # [m] no clearance that a machine is run with steps farther
+_STEPPED = 3e-4  # [m] more than any clearance of a machine in use moves the tool
 _VERDICTS = (  # by the codes of command_kernel.py
     CommandStatus.CORRECTED,
     CommandStatus.NOT_FINITE,
@@ -53,12 +53,12 @@ _VERDICTS = (  # by the codes of command_kernel.py
     CommandStatus.NOT_REACHED,
 )
 _FOUND, _JUDGED, _VERIFIED = range(3)
-_SHARE, _LEFT, _TURN, _COUNT = range(4)  # what is told of a command, see command_kernel.py
+_SHARE, _LEFT, _TURN, _COUNT = range(4)  # columns of `told`, see command_kernel.py
 
 
 @dataclass(frozen=True)
 class _Single:
-    """The compiled way of single commands: the machine, where its joints stand, what is held."""
+    """Compiled function for single commands: machine, slice of its joints, function, data."""
 
     own: IdentifiedMachine
     joint: slice
@@ -67,26 +67,26 @@ class _Single:
 
 
 class SingleCommand(NamedTuple):
-    """All that the compiled way of single commands goes by, for programs that print it."""
+    """Data of the compiled function for single commands, for code generators (C export)."""
 
-    drawn: IdentifiedMachine  # as the controller has it
-    own: IdentifiedMachine  # as identified
+    drawn: IdentifiedMachine  # the nominal machine, as in the controller
+    own: IdentifiedMachine  # the identified machine
     guards: Any  # of command_kernel.py, as are the next two
     search: Any
     room: Any  # scratch
 
 
 class SingleWay(NamedTuple):
-    """What compiled code that corrects single commands itself goes by, see `single_way`."""
+    """Data for compiled code that corrects single commands itself, see `single_way`."""
 
     held: Any  # command_kernel.Single
-    places: Places  # where its signals stand
-    signals: Array  # (S,) under the conditions that were asked for
-    aimed: int  # numbers of a target
+    places: Places  # of the signals in a row
+    signals: Array  # (S,) under the given conditions
+    aimed: int  # number of target coordinates
 
 
 class JointCompensator:
-    """Corrects joint commands by an identified chain; no state: same command, same answer."""
+    """Corrects joint commands by an identified chain; no state: same command, same result."""
 
     def __init__(
         self,
@@ -97,17 +97,17 @@ class JointCompensator:
         table: Table | TableSettings | None = None,
         follow: Follow = iter,
     ) -> None:
-        """From a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
+        """Prepare for a calibration; `method` is one of `METHODS`, `seed` that of the swarm.
 
-        For method `table`, `table` is one or says how to make one, which is done before this
-        returns; `follow` is handed the blocks of that work, for a progress bar. A table holds the
-        corrections of one geometry. What drives do by direction, speed, load or angle is found
-        from there; where an effect changes the dimensions themselves there is no table, and every
-        correction is found by the solver that would have made it: see `way`.
+        For method `table`, `table` is a table, or settings to build one here; `follow` wraps the
+        iteration over the blocks of that work, for a progress bar. A table holds the corrections
+        of one geometry. Effects of the drives (by direction, speed, load or angle) are corrected
+        by Newton steps from there. Where an effect changes the dimensions themselves there is no
+        table; the solver that would have built it finds every correction: see `way`.
 
         Raises:
-            InputError: no such method, none for such a robot, or a table for another or for
-                something else.
+            InputError: no such method, a method that does not suit the robot, or a table that is
+                for another method or another calibration.
             DataError: no table within its bound.
         """
         self._nominal = calibration.robot.commanded
@@ -138,18 +138,18 @@ class JointCompensator:
 
     @cached_property
     def sensors(self) -> tuple[str, ...]:
-        """Parts whose temperature the model goes by."""
+        """Parts whose temperature the model uses."""
         told = (effect.settings.get(SENSOR) for effect in self._effects)
         return tuple(dict.fromkeys(str(sensor) for sensor in told if sensor))
 
     @property
     def by(self) -> str:
-        """What finds the geometry's corrections: one of `METHODS`."""
+        """Method that finds the corrections of the geometry: one of `METHODS`."""
         return self._solver if self.table is None else TABLE
 
     @property
     def way(self) -> str:
-        """How the geometry's corrections are found, for people."""
+        """Description of how the corrections of the geometry are found, for display."""
         if self.table is not None:
             return f"{TABLE} ({self.table.told()})"
         if self.method == TABLE:
@@ -158,9 +158,10 @@ class JointCompensator:
         return self.method
 
     def missing(self, at: Conditions) -> str:
-        """What of the conditions the model needs is not known; empty where all is.
+        """Name the conditions that the model needs but `at` lacks; empty if there are none.
 
-        A joint that has not moved yet is on neither side of its play: the middle is right for it.
+        The direction of a joint that has not moved yet does not count: it is in the middle of its
+        backlash, which is right for it.
         """
         if not self._effects:
             return ""
@@ -169,7 +170,7 @@ class JointCompensator:
         return "; ".join(dict.fromkeys(text for text in texts if text))
 
     def single_command(self, parts: tuple[str, ...] = ()) -> SingleCommand:
-        """What single commands are corrected by, where temperatures of these parts are known."""
+        """Return the data to correct single commands, if temperatures of `parts` are known."""
         own, kernel = self._own.with_parts(parts), _kernel()
         machines = self._drawn.compiled, own.compiled
         room = kernel.command_room(*machines, self._drawn.places.size, own.places.size)
@@ -177,10 +178,10 @@ class JointCompensator:
         return SingleCommand(self._drawn, own, self._guards, search, room)
 
     def single_way(self, at: Conditions | None = None) -> SingleWay | None:
-        """What single commands under such conditions (one sample) are corrected by.
+        """Return the data to correct single commands under these conditions (one sample).
 
-        The answer holds for other commands and another motion, where the rest stays as it is.
-        None where something is missing, or where corrections are found by other means.
+        It holds for other commands and other motion too, while all other conditions stay the same.
+        None if a condition is missing, or if corrections are not found by `newton`.
         """
         if self.by != "newton":
             return None
@@ -193,13 +194,13 @@ class JointCompensator:
         return SingleWay(single.held, own.places, own.signals(at).rows[0], own.aim.size)
 
     def warm_up(self) -> None:
-        """Take the first command's delay now: compensate one at home and forget it."""
+        """Compensate a command at home now, so that the first real one has no start-up delay."""
         self.compensate(self._nominal.home[None])
 
     def targets(self, q: Array) -> Array:
-        """Places the nominal robot means by the commands, (n, a) [m]; NaN without a pose.
+        """Target places of commands by the nominal robot, (n, a) [m]; NaN without a pose.
 
-        Tool points; as in aim.py where the joints turn the tool.
+        These are tool points; where the joints rotate the tool, see task_coordinates.py.
         """
         return self._drawn.point(q)
 
@@ -216,11 +217,11 @@ class JointCompensator:
 
         Args:
             q: nominal commands.
-            at: the conditions they are given under, (n); their joint angles are not used. Where
-                none are given the joints stand still and nothing else is known.
+            at: conditions of the commands, (n); their joint angles are not used. If none are
+                given, the joints stand still and nothing else is known.
 
         Raises:
-            InputError: q is of another shape.
+            InputError: q has another shape.
         """
         joints = len(self.robot.joints.names)
         if q.ndim != 2 or q.shape[1] != joints:
@@ -255,7 +256,7 @@ class JointCompensator:
         )
 
     def _known(self, at: Conditions) -> bool:
-        """Whether all that any effect could need of one command's conditions is known."""
+        """Whether all conditions of one command that any effect could need are known."""
         if not self._effects:
             return True
         heard = set(self.sensors).issubset(at.temperature_parts)
@@ -263,7 +264,7 @@ class JointCompensator:
         return heard and all(map(isfinite, numbers))
 
     def _single(self, q: Array, at: Conditions) -> Compensated:
-        """What `compensate` says of one command (1, m), with as little beside it as can be."""
+        """Result of `compensate` for one command (1, m), with the least possible overhead."""
         single = self._singles(at.temperature_parts)
         rows = single.own.signals(at).rows
         rows[0, single.joint] = q[0]
@@ -293,7 +294,7 @@ class JointCompensator:
         )
 
     def _singles(self, parts: tuple[str, ...]) -> _Single:
-        """What single commands need, made once for the parts whose temperature is known."""
+        """Data for single commands, made once for the parts whose temperature is known."""
         if self._held is None or self._held.own.parts != parts:
             kernel, own = _kernel(), self._machine(parts)
             by = self.single_command(parts)
@@ -335,7 +336,7 @@ class JointCompensator:
         dq: Array,
         told: Array,
     ) -> Any:
-        """Codes of commands, (n,); the last three are filled in, see command_kernel.py."""
+        """Return codes of commands (n,); fills in the last three, see command_kernel.py."""
         return _kernel().every(
             self._drawn.compiled,
             own.compiled,
@@ -354,7 +355,10 @@ class JointCompensator:
         )
 
     def _search(self, own: IdentifiedMachine, q: Array, target: Array, signals: Any) -> Any:
-        """Corrections by swarm, or by the table and, where drives have effects, from there."""
+        """Find corrections by a swarm or by the table.
+
+        Newton steps refine those of a swarm, and those of the table if there are effects.
+        """
         if self.table is None:
             solver = solver_of(own, self._solver, self.robot.limits.correction, self._seed)
             return self._polished(solver.correct(q, target, signals), own, q, target, signals)
@@ -365,7 +369,7 @@ class JointCompensator:
     def _polished(
         self, found: Correction, own: IdentifiedMachine, q: Array, target: Array, signals: Any
     ) -> Correction:
-        """What a swarm found, brought to the target by Newton's steps where they lead nearer."""
+        """Refine a swarm's corrections by Newton steps, where these reduce the error."""
         after = Newton(own, self._newton).correct(q, target, signals, found.dq)
         better = after.error < found.error
         return Correction(
@@ -404,10 +408,11 @@ class JointCompensator:
         )
 
     def _seen_joints(self) -> tuple[Array, Array]:
-        """Joint angles that the calibration was learned at, and a little beyond, (m,) each.
+        """Limits of the joint angles that were measured, with a margin, (m,) each.
 
-        Where places set the joints, a region of places says more: within it joints may go beyond
-        those of its corners. Where they do not, as of an arm, the joints say what was never seen.
+        Where tool places determine the joints, the region of places is the better guard: within
+        it joints may exceed those at its corners. Where they do not, as for an arm, only the
+        joints show what was never measured.
         """
         lower = np.array(self.calibration.joints_lower, dtype=float)
         upper = np.array(self.calibration.joints_upper, dtype=float)
@@ -416,24 +421,24 @@ class JointCompensator:
         return lower - beyond, upper + beyond
 
     def _told_share(self, share: Array) -> Array | None:
-        """The share where it goes down over a margin; None where corrections end at the region."""
+        """Return the share if it falls over a margin; None if corrections end at the region."""
         return share if self.robot.limits.region_margin else None
 
     def _lacking(self, at: Conditions) -> list[int]:
-        """Rows of the commands for which a condition is missing, where `missing` found any."""
+        """Rows of the commands that lack a condition, once `missing` has found any."""
         if len(at) == 1:
             return [0]
         return [row for row in range(len(at)) if self.missing(at.take(slice(row, row + 1)))]
 
     def _tabulated(self, made: Table | TableSettings, follow: Follow) -> Table:
-        """A table made here or before, to take the place of the search."""
+        """Return the given table, or build one; checks that it is for this calibration."""
         if isinstance(made, TableSettings):
             made = build(self._task(), made, follow)
         made.stamp.require(self.calibration)
         return made
 
     def _task(self) -> Task:
-        """What a table is to hold."""
+        """Content of the table to build."""
         bound, region = self.robot.limits.correction, self.calibration.region
         places = region.sample(_PLACES, self.robot.limits.region_margin, np.random.default_rng(0))
         q = self._nominal.inverse(places, self._nominal.parameters.nominal)
@@ -449,7 +454,7 @@ class JointCompensator:
         )
 
     def _admitted(self, q: Array) -> Flags:
-        """Commands that no guard refuses, (n,)."""
+        """Whether commands pass all guards, (n,)."""
         at, own, n = at_rest(q), self._own.bare, len(q)
         rest, target = own.resting(q), np.empty((n, own.aim.size))
         code = self._run(
@@ -474,5 +479,5 @@ def _kernel() -> Any:
 
 
 def _unless(verdict: CommandStatus, other: CommandStatus) -> CommandStatus:
-    """The other verdict for what would have been corrected."""
+    """Return the other verdict in place of CORRECTED, else the verdict itself."""
     return other if verdict is CommandStatus.CORRECTED else verdict

@@ -4,23 +4,23 @@ Shen, Bai and Li 2017 (plane positioning of a SCARA by camera), for any number o
 measured quantity. The machine goes to that neighbour of the present node, k command units away in
 each joint or none, whose *measured* point is nearest the target (9), (10); once the present node
 is the nearest of its neighbours, k is halved: 16, 8, 4, 2, 1. Which nodes are worth driving to is
-predicted from the points measured so far, as the paper does by its edges (7), (8); none is chosen
-that was not measured.
+predicted from the points measured so far, as the paper does by its edges (7), (8); no node
+is chosen before it was measured.
 
-Two nodes are *equal* where their distances differ by less than the repeatability lets tell. They
-are measured again, up to a number of visits; what is then still equal is parted by the shortest
-move, and no move at all is the shortest. The two special cases of the paper:
+Two nodes are *equal* if their distances differ by less than the repeatability can resolve. They
+are measured again, up to a number of visits; among nodes that are still equal the shortest move
+decides, and no move at all is the shortest. The two special cases of the paper:
 
 - target at the circumcentre of three nodes (11): they are equal, and the shortest move decides;
 - target at the centre of a cell, where the diagonals meet: opposite nodes are equal and there is
   no direction to go; the machine stays, and the next lattice has 3/4 of the spacing (in whole
   command units) where else it would have half.
 
-How near "at" is, the paper leaves open: here, as near as the repeatability can tell. Where cells
-are narrow (the edges of a stretched SCARA include 15 degrees and less) a far node may be nearer
-than all neighbours, and the paper's search stops short of it. So one node more is considered
-beside the neighbours: that which the edges point at, of the same lattice. Only with
-`every_node` the search is the paper's alone. Neither finds the nearest node of all for certain.
+The paper does not define how near "at" is: here, within what the repeatability can resolve. Where
+cells are narrow (the edges of a stretched SCARA include 15 degrees and less) a far node may be
+nearer to the target than all neighbours, and the paper's search stops short of it. So one more
+node of the same lattice is considered: the one that the edges point at. Only with `every_node` the
+search is exactly the paper's. Neither is certain to find the nearest node of all.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ from delta_calibration.errors import InputError
 
 Array = NDArray[np.float64]
 
-COVERAGE = 1.0  # standard uncertainties of a difference within which distances are equal
-_EXACT = 1e-9  # share of a distance: rounding is not a difference
+COVERAGE = 1.0  # distances are equal within so many standard uncertainties of their difference
+_EXACT = 1e-9  # share of a distance that may be rounding
 
 
 class Stop(Enum):
@@ -51,7 +51,7 @@ class Stop(Enum):
 
 @dataclass(frozen=True)
 class LatticeLevel:
-    """Where the search stood when it was done with one spacing."""
+    """State of the search at the end of one spacing."""
 
     spacing: int  # command units
     dq: Array  # (m,) from the start
@@ -63,14 +63,14 @@ class LatticeLevel:
 class GridResult:
     """Outcome of one search.
 
-    `error` is that of the readings by which the node was chosen, and so flatters a little: measure
-    it again for an error to quote.
+    `error` is from the readings by which the node was chosen, and so is slightly too small:
+    measure the node again for an error to quote.
     """
 
     dq: Array  # (m,) the correction: node less start
     before: float  # distance from the target at the start
     error: float  # the same at the node
-    moves: int  # stops driven to, the start and visits again included
+    moves: int  # stops driven to, including the start and repeated visits
     stop: Stop
     levels: tuple[LatticeLevel, ...]
     edges: Array  # (d, m) change of the measured point by one command unit
@@ -89,13 +89,13 @@ class GridSearch:
 
     Args:
         command: (m,) nominal joint command, the middle of the first lattice.
-        target: (d,) what shall be measured; coordinates of one unit, as distances are Euclidean.
+        target: (d,) point to reach; coordinates of one unit, as distances are Euclidean.
         settings: the lattice.
-        edges: (d, m) change of the point by one command unit, nominal or of an earlier search; a
-            neighbour along each joint is measured for them where they are not given.
+        edges: (d, m) change of the point by one command unit, nominal or of an earlier search; if
+            not given, a neighbour along each joint is measured to find them.
 
     Raises:
-        InputError: shapes that do not belong together, values that are not finite, a command
+        InputError: shapes that do not match, values that are not finite, a command
             beyond the joint limits or without room for the first lattice.
     """
 
@@ -123,11 +123,11 @@ class GridSearch:
 
     @property
     def done(self) -> bool:
-        """Whether there is a result."""
+        """Whether the search has ended and has a result."""
         return self._next is None
 
     def tell(self, point: Array) -> None:
-        """Take the point measured at `step`, (d,), and go on.
+        """Record the point measured at `step`, (d,), and choose the next step.
 
         Raises:
             DataError: it is not finite; the step still waits for one that is.
@@ -179,16 +179,16 @@ class GridSearch:
             k = 3 * k // 4 if centred else k // 2
         self._stop = Stop.BOUND if self._held_back() else Stop.FINEST
         if self._next != self._present:
-            yield self._present  # the machine ends where it was found to stand best
+            yield self._present  # the machine ends at the best node
 
     def _settle(self, k: int) -> Generator[Node, None, bool]:
-        """Go from nearest to nearest; returns whether the target is at the centre of a cell."""
+        """Move until no node is nearer; returns whether the target is at a cell's centre."""
         lattice = self._lattice
         while True:
             around = [n for n in lattice.around(self._present, k) if lattice.allowed(n)]
             if self._settings.every_node:
                 yield from (node for node in around if not lattice.visits(node))
-            if k > 2 and self._at_cell_centre(around):  # 3/4 and 1/2 of 2 are the same unit
+            if k > 2 and self._at_cell_centre(around):  # 3/4 and 1/2 of 2 both round to 1
                 return True
             if not self._settings.every_node:
                 around += [node for node in self._pointed_at(k) if node not in around]
@@ -204,9 +204,9 @@ class GridSearch:
         return [node] if node != self._present and self._lattice.allowed(node) else []
 
     def _promising(self, around: list[Node]) -> Iterator[Node]:
-        """Nodes predicted to be nearer than any measured, one by one: each one teaches.
+        """Yield nodes predicted to be nearer than any measured; each one improves the edges.
 
-        Nearer by as much as could be told after all the visits a node may have.
+        Nearer by more than could be resolved after the largest number of visits of a node.
         """
         visits = self._settings.visits
         while True:
@@ -221,7 +221,7 @@ class GridSearch:
             yield unknown[best]
 
     def _nearest(self, around: list[Node]) -> Generator[Node, None, Node]:
-        """The node to go to, once equal ones have been measured again."""
+        """Choose the node to go to, after measuring equal ones again."""
         lattice = self._lattice
         while True:
             equal = self._equal(self._known(around))
@@ -239,7 +239,7 @@ class GridSearch:
         return [self._present, *(node for node in around if self._lattice.visits(node))]
 
     def _equal(self, nodes: list[Node]) -> list[Node]:
-        """The nearest node, and all that cannot be told from it."""
+        """The nearest node, and all that are equal to it."""
         lattice = self._lattice
         best = min(nodes, key=lattice.distance)
         least, visits = lattice.distance(best), lattice.visits(best)
@@ -251,7 +251,7 @@ class GridSearch:
         ]
 
     def _tolerance(self, distance: float, visits_a: int = 1, visits_b: int = 1) -> float:
-        """Distances of two nodes, about so large, that differ by less cannot be told apart."""
+        """Difference below which two nodes' distances, of about this size, are equal."""
         noise = self._settings.noise * np.sqrt(1.0 / visits_a + 1.0 / visits_b)
         return float(COVERAGE * noise + _EXACT * distance)
 
@@ -272,7 +272,7 @@ class GridSearch:
         return bool(lattice.gaps(centre).min() <= self._tolerance(lattice.distance(here)))
 
     def _held_back(self) -> bool:
-        """Whether a neighbour that may not be driven to is predicted to be nearer."""
+        """Whether a neighbour outside the limits is predicted to be nearer."""
         lattice, here = self._lattice, self._present
         barred = [node for node in lattice.around(here, 1) if not lattice.allowed(node)]
         if not barred:
@@ -285,7 +285,7 @@ class GridSearch:
         return LatticeLevel(k, lattice.shift(here), lattice.mean(here), lattice.distance(here))
 
     def _break_off(self) -> None:
-        """End at the nearest node measured; where one had been chosen already, at that."""
+        """End at the node that was chosen already, or else at the nearest node measured."""
         self._way.close()
         self._next = None
         if self._stop is None:
@@ -296,8 +296,8 @@ class GridSearch:
 def averaged(results: Sequence[GridResult], unit: Array) -> GridCorrection:
     """Mean correction of repeated searches (step 5 of the paper), with its standard uncertainty.
 
-    Repeats show by their spread what machine and measurement do at random. All are rounded to the
-    same nodes, which no repeat undoes: that part is taken as uniform over one command unit.
+    The spread of the repeats shows the random errors of machine and measurement. All repeats are
+    rounded to the same nodes: that error is taken as uniform over one command unit.
 
     Args:
         results: of two searches or more for one target from one command.

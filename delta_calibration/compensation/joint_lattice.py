@@ -4,7 +4,7 @@ A node is a command a whole number of command units away,
 
     q(n) = q_0 + n u,    n in Z^m,    measured there: p(n), of d coordinates,
 
-and so every node is one that the drives can take up. Near the command p changes as the edges say,
+so that the drives can go to every node. Near the command p changes by the edges,
 S_j = dp / dn_j, which are the paper's S_1, S_2 for one command unit (7), (8).
 """
 
@@ -23,12 +23,12 @@ from delta_calibration.errors import DataError, InputError
 Array = NDArray[np.float64]
 Node = tuple[int, ...]  # (m,) command units from the start
 
-_ROUNDING = 1e-9  # share of the bound
+_ROUNDING = 1e-9  # share of the bound that may be rounding
 
 
 @dataclass(frozen=True)
 class GridSettings:
-    """How a lattice is laid and what is measured on it.
+    """Spacing and limits of a lattice, and the noise of the measurements on it.
 
     Lengths are in the measured quantity's unit; joint units are rad, or m for sliders.
     """
@@ -37,14 +37,14 @@ class GridSettings:
     lower: Array  # (m,) joint limits
     upper: Array  # (m,)
     bound: float  # largest correction of a joint
-    noise: float = 0.0  # standard uncertainty of each coordinate at one stop, coming to rest in it
+    noise: float = 0.0  # standard uncertainty of each coordinate at one stop, incl. the rest error
     spacing: int = 16  # command units between nodes at first
-    visits: int = 2  # of a node at most, where nodes are equal
-    every_node: bool = False  # measure all neighbours, whatever is predicted of them
+    visits: int = 2  # largest number of visits of a node, if nodes are equal
+    every_node: bool = False  # measure all neighbours, not only promising ones
     most_moves: int = 300
 
     def __post_init__(self) -> None:
-        """Refuse a lattice that cannot be laid."""
+        """Refuse settings that do not give a lattice."""
         if not (self.unit.ndim == 1 and self.unit.size and np.all(self.unit > 0.0)):
             raise InputError(f"unit is {self.unit}; it has to be above 0 for each joint")
         if not self.lower.shape == self.upper.shape == self.unit.shape:
@@ -71,12 +71,12 @@ class JointLattice:
 
     Args:
         command: (m,) nominal joint command, node zero.
-        target: (d,) what shall be measured; coordinates of one unit, as distances are Euclidean.
+        target: (d,) point to reach; coordinates of one unit, as distances are Euclidean.
         settings: units, limits, bound.
         edges: (d, m) change of the point by one command unit where it is known beforehand.
 
     Raises:
-        InputError: shapes that do not belong together, values that are not finite, a command
+        InputError: shapes that do not match, values that are not finite, a command
             beyond the joint limits or without room for the first lattice.
     """
 
@@ -99,11 +99,11 @@ class JointLattice:
         return np.asarray(self._command + self.shift(node))
 
     def shift(self, node: Node) -> Array:
-        """What a node adds to the nominal command, (m,)."""
+        """Correction that a node adds to the nominal command, (m,)."""
         return np.asarray(np.array(node) * self._settings.unit)
 
     def allowed(self, node: Node) -> bool:
-        """Whether it lies within the joint limits and the largest correction."""
+        """Whether a node lies within the joint limits and the largest correction."""
         s, joint = self._settings, self.joint(node)
         inside = bool(np.all((joint >= s.lower) & (joint <= s.upper)))
         return inside and bool(np.abs(self.shift(node)).max() <= s.bound * (1.0 + _ROUNDING))
@@ -113,7 +113,7 @@ class JointLattice:
         return [tuple(row) for row in (np.array(node) + k * self._offsets).tolist()]
 
     def probe(self, joint: int, k: int) -> Node:
-        """A node k command units along one joint that may be driven to."""
+        """A node k command units along one joint: ahead if that is allowed, else back."""
         ahead = tuple(k if j == joint else 0 for j in range(len(self.zero)))
         return ahead if self.allowed(ahead) else tuple(-v for v in ahead)
 
@@ -157,8 +157,8 @@ class JointLattice:
     def edges(self) -> Array:
         """Change of the point by one command unit of each joint, (d, m).
 
-        Least squares over all nodes measured. Edges that were given count as one measurement a
-        single command unit away along each joint: the first nodes driven to outvote wrong ones.
+        Least squares over all nodes measured. Given edges count as one measurement a single
+        command unit away along each joint, so that the first nodes measured outweigh wrong edges.
         """
         nodes = np.array(self.known(), dtype=float)
         points = np.array([self.mean(node) for node in self._points])
@@ -169,18 +169,18 @@ class JointLattice:
         return np.asarray(np.linalg.lstsq(n, p, rcond=None)[0].T)
 
     def predicted(self, nodes: Sequence[Node], here: Node) -> Array:
-        """Where nodes should be by the edges, seen from a measured one, (n, d)."""
+        """Predict the points of nodes by the edges, from a measured node `here`, (n, d)."""
         away = np.array(nodes, dtype=float) - here
         return np.asarray(self.mean(here) + away @ self.edges().T)
 
     def toward(self, here: Node, k: int) -> Node:
-        """The node whole steps of k from a measured one that the edges lead to the target by."""
+        """The node, whole steps of k from a measured one, where the edges put the target."""
         steps = np.linalg.lstsq(self.edges(), self._target - self.mean(here), rcond=None)[0]
         whole = np.rint(steps / k).astype(int).tolist()
         return tuple(n + k * w for n, w in zip(here, whole, strict=True))
 
     def points(self, nodes: Sequence[Node], here: Node) -> Array:
-        """Points of nodes, measured where they were and predicted elsewhere, (n, d)."""
+        """Points of nodes, (n, d): measured where there are measurements, else predicted."""
         points = self.predicted(nodes, here)
         for row, node in enumerate(nodes):
             if node in self._points:

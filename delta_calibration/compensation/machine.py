@@ -1,4 +1,4 @@
-"""A machine as the compiled functions take it: where its tool is, and how a command is found."""
+"""An identified machine and its solvers, in the form that the compiled functions take."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ METHODS = (*SOLVERS, TABLE)
 
 
 def methods_for(mechanism: Mechanism) -> tuple[str, ...]:
-    """Those of `METHODS` that such a mechanism can be compensated by, the usual one first.
+    """Return the methods of `METHODS` that suit a mechanism, the usual one first.
 
-    A swarm finds what as many joints as freedoms come to; with more it would settle anywhere among
-    commands that work against each other. A table has three axes.
+    A swarm needs as many joints as commanded coordinates; with more joints it would end at any of
+    the commands in which joints work against each other. A table has three axes.
     """
     if mechanism.joints != mechanism.task_size:
         return ("newton",)
@@ -43,10 +43,10 @@ def methods_for(mechanism: Mechanism) -> tuple[str, ...]:
 
 
 def require_method(mechanism: Mechanism, method: str, robot: str) -> None:
-    """Refuse a way that does not exist, or not for such a robot.
+    """Refuse a method that does not exist, or that does not suit the robot.
 
     Raises:
-        InputError: names those that do.
+        InputError: names the methods that can be used.
     """
     if method not in METHODS:
         raise InputError(f"no method {method!r}; choose from: {', '.join(METHODS)}")
@@ -61,25 +61,25 @@ def require_method(mechanism: Mechanism, method: str, robot: str) -> None:
 
 @dataclass(frozen=True)
 class IdentifiedMachine:
-    """A chain with its parameters and a tool on its platform, for commands to be found for.
+    """An identified chain, its parameters and its tool, for which commands are found.
 
-    Effects of the measurement are the tracker's and do not enter.
+    Effects of the measurement belong to the tracker and are left out.
     """
 
     chain: Chain
     theta: Array  # (P,)
     tool: Array  # (3,) [m] in the platform's frame
-    masses: Any = None  # the robot's, where loads count
-    parts: tuple[str, ...] = ()  # of which temperatures are known
+    masses: Any = None  # of the robot, where loads count
+    parts: tuple[str, ...] = ()  # whose temperatures are known
 
     @property
     def mechanism(self) -> Mechanism:
-        """Its mechanism."""
+        """Mechanism of the chain."""
         return self.chain.mechanism
 
     @cached_property
     def aim(self) -> TaskCoordinates:
-        """What of the tool its joints command."""
+        """Tool coordinates that its joints command."""
         return TaskCoordinates.of(self.mechanism, self.tool)
 
     @cached_property
@@ -89,7 +89,7 @@ class IdentifiedMachine:
 
     @cached_property
     def by_pose(self) -> bool:
-        """Whether a command is found by way of the pose, see backward_kernel.py."""
+        """Whether the pose is found before the command, see backward_kernel.py."""
         m = self.mechanism
         whole = m.task_size == m.pose_size
         return whole and (self.aim.turns or m.joints > m.task_size)
@@ -102,12 +102,12 @@ class IdentifiedMachine:
 
     @cached_property
     def places(self) -> Places:
-        """Where the signals of a sample stand."""
+        """Index of each signal in a sample's row."""
         return Places.of(self.mechanism, self.parts)
 
     @cached_property
     def compiled(self) -> Any:
-        """As the compiled functions take it: `backward_kernel.MachineRecord`."""
+        """The machine for the compiled functions: a `backward_kernel.MachineRecord`."""
         kernel = _kernel()
         aim = kernel.TaskRecord(
             np.array(self.tool, dtype=float), np.array(self.aim.axes), bool(self.aim.turns), ARM
@@ -123,17 +123,17 @@ class IdentifiedMachine:
         )
 
     def with_parts(self, parts: tuple[str, ...]) -> IdentifiedMachine:
-        """The same where the temperatures of these parts are known."""
+        """The same machine, with the temperatures of these parts known."""
         return self if parts == self.parts else replace(self, parts=parts)
 
     def signals(self, at: Conditions) -> Signals:
-        """What was recorded of commands; any play is taken to be crossed by the correction."""
+        """Signals of commands as recorded; any backlash counts as crossed by the correction."""
         found = recorded(self.mechanism, at)
         found.of(TRAVEL)[:] = np.inf
         return found
 
     def resting(self, q: Array) -> Signals:
-        """The same of commands (n, m) at rest, nothing else being known."""
+        """Signals of commands (n, m) at rest, with no other condition known."""
         rows = np.zeros((len(q), self.places.size))
         found = Signals(self.places, rows)
         found.of(JOINT)[:] = q
@@ -141,7 +141,7 @@ class IdentifiedMachine:
         return found
 
     def stand(self, q: Array, at: Conditions | None = None) -> tuple[Array, Array]:
-        """Places of the tool (n, a), see aim.py, and poses (n, k); NaN where there is none."""
+        """Tool places (n, a) (see task_coordinates.py) and poses (n, k); NaN if there is none."""
         known = self.resting(q) if at is None else self.signals(replace(at, joint=q))
         places, x = _kernel().targets(self.compiled, known.rows)
         return places, x
@@ -167,7 +167,7 @@ class Newton:
 
     @property
     def numbers(self) -> Any:
-        """Settings as the compiled functions take them."""
+        """Settings for the compiled functions: a `backward_kernel.Search`."""
         s = self.settings
         steps = int(s.iterations), int(s.halvings)
         return _kernel().Search(float(s.bound_rad), float(s.tolerance), *steps)
@@ -183,12 +183,12 @@ class Newton:
 
         Args:
             q: nominal commands (n, m) [rad].
-            target: places they mean (n, a) [m].
-            signals: of the commands; at rest where not given.
+            target: tool places they are meant to reach (n, a) [m].
+            signals: of the commands; at rest if not given.
             start: corrections to begin from (n, m) [rad].
 
         Raises:
-            InputError: the shapes do not belong together.
+            InputError: the shapes do not match.
         """
         q, target, usable = checked_commands(q, target, self.machine.aim.size)
         known = self.machine.resting(q) if signals is None else signals
@@ -209,8 +209,8 @@ class Newton:
 class Swarm:
     """APSO as a `Compensator`, through the whole chain: the swarms of `Apso`, compiled.
 
-    The corrections are those of `Apso` but for rounding (1e-12 rad where the target is reached),
-    and depend on neither row nor neighbours, to the last bit.
+    The corrections equal those of `Apso` up to rounding (1e-12 rad where the target is reached).
+    They do not depend on the row or its neighbours in the batch, to the last bit.
     """
 
     machine: IdentifiedMachine
@@ -223,7 +223,7 @@ class Swarm:
         signals: Signals | None = None,
         start: Array | None = None,
     ) -> Correction:
-        """Search the correction of every command, from places of its own; see `Newton.correct`."""
+        """Search the correction of every command; `start` is not used. See `Newton.correct`."""
         del start
         q, target, usable = checked_commands(q, target, self.machine.aim.size)
         known = (self.machine.resting(q) if signals is None else signals).take(usable)
@@ -245,7 +245,7 @@ class Swarm:
 
     @cached_property
     def _nearby(self) -> Any:
-        """Law of places near a command, where nothing but the mechanism counts; else empty."""
+        """Law of tool places near a command, if the chain has no effects; else empty."""
         machine = self.machine
         reach = np.inf if machine.chain.effects else self.settings.bound_rad
         return machine.mechanism.around(reach)
@@ -253,9 +253,9 @@ class Swarm:
 
 @lru_cache(maxsize=8)
 def drawn_beforehand(s: ApsoSettings, joints: int = 3) -> tuple[Array, Array, Array]:
-    """First places, random numbers and gains of entropy: see swarm_kernel.py.
+    """Start positions, random numbers and entropy gains: see swarm_kernel.py.
 
-    All random numbers that a search can use up are a quarter of a megabyte at the usual settings.
+    All random numbers that a search can use take a quarter of a megabyte at the usual settings.
     """
     draws = stream(s)
     start = first_places(draws, joints, s).ravel()
@@ -265,7 +265,7 @@ def drawn_beforehand(s: ApsoSettings, joints: int = 3) -> tuple[Array, Array, Ar
 
 
 def solver_of(machine: IdentifiedMachine, method: str, bound: float, seed: int) -> Newton | Swarm:
-    """What finds commands for a machine by one of `SOLVERS`.
+    """Return the solver of this name, one of `SOLVERS`, for a machine.
 
     Raises:
         InputError: no such solver.
@@ -278,14 +278,14 @@ def solver_of(machine: IdentifiedMachine, method: str, bound: float, seed: int) 
 
 
 def drawn(mechanism: Mechanism, tool: Array, masses: Any = None) -> IdentifiedMachine:
-    """The drawing's machine, without effects."""
+    """The nominal machine, without effects."""
     chain = Chain(mechanism, np.zeros(3), 1.0)
     theta = np.concatenate([mechanism.parameters.nominal, np.zeros(9)])
     return IdentifiedMachine(chain, theta, tool, masses)
 
 
 def _kernel() -> Any:
-    """The compiled chain, backward; numba is loaded with the first use."""
+    """The compiled inverse of the chain; numba is loaded with the first use."""
     from delta_calibration.compensation import backward_kernel
 
     return backward_kernel

@@ -1,4 +1,4 @@
-"""How far Newton's steps of a compensation go, and how long; backward_kernel.py has the method."""
+"""Settings of Newton's method for a compensation; the method is in backward_kernel.py."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from delta_calibration.compensation.base import require_positive, require_whole
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """How far and how long Newton's steps go."""
+    """Bound, tolerance and largest numbers of steps of Newton's method."""
 
     bound_rad: float = 0.03  # largest |dq_j|
     tolerance: float = 1e-9  # [m]
     iterations: int = 15
-    halvings: int = 8  # of one step, before it is given up
+    halvings: int = 8  # largest number of halvings of one step
 
     def __post_init__(self) -> None:
         """Refuse settings with which no step can be made."""

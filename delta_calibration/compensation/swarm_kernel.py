@@ -1,18 +1,18 @@
-"""Compiled swarm of APSO over any machine, its effects included: the law of apso.py by particles.
+"""Compiled APSO swarm for any machine, effects included: the algorithm of apso.py.
 
 Arrays are by component: (j m,) holds a joint of all m particles of one target, then the next of j
-joints, in the mechanism's own sense, so that a search takes the same way whichever way a drive
-counts. All are used again for all targets of a call. A place is judged by the whole chain run
-forward (backward_kernel.py).
+joints, in the mechanism's own sense, so that a search takes the same path whichever direction a
+drive counts in. All are used again for all targets of a call. A particle's position is judged by
+the whole chain run forward (backward_kernel.py).
 
-A mechanism may have a law of the places near a command (`Mechanism.nearby`). Without effects, in
-a box up to `LITTLE`, where the machine can stand at the command itself, it gives the squared
-distances of all particles at once, in vector instructions. Products and sums are contracted
-there: distances only decide which place is the better one, the places themselves are rounded as
-numpy has it.
+A mechanism may have a law of the tool places near a command (`Mechanism.nearby`). Without effects,
+in a box up to `LITTLE`, and if the machine has a pose at the command itself, the law gives the
+squared distances of all particles at once, in vector instructions. Products and sums are
+contracted there: distances only decide which position is better, the positions themselves are
+rounded as in numpy.
 
 Random numbers are drawn beforehand, by the same generator as in apso.py (numpy's Philox 4x64-10,
-counter-based), and read by every target from their beginning: no state is left to share.
+counter-based), and every target reads them from the beginning: targets share no state.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ _SPACE = 3
 
 @compiled(borrows=True)
 def _set_machine(nearby: Opening, machine: MachineRecord, particles: int, work: Array) -> None:
-    """Tell the law of distances nearby the dimensions, and of how many particles."""
+    """Write dimensions, constants and number of particles into the nearby law's workspace."""
     limbs = machine.body.limbs
     for i in range(len(nearby.dims)):
         row, p = nearby.dims[i], limbs.sizes[P]
@@ -74,9 +74,9 @@ def _set_command(
     work: Array,
     room: Place,
 ) -> bool:
-    """Tell the law which command the places are near, and where they are to be.
+    """Write the command, its pose and its target into the nearby law's workspace.
 
-    False where the machine cannot stand at the command, or not stiffly.
+    False if there is no pose at the command, or a singular or over-constrained one.
     """
     limbs, own, k = machine.body.limbs, room.state.room, len(room.x)
     first = limbs.sizes[M]
@@ -115,7 +115,7 @@ def _squares(
     square: Array,
     room: Place,
 ) -> None:
-    """Squared distances (m,) [m^2] of any machine, infinite where it cannot stand."""
+    """Squared distances (m,) [m^2] for any machine, infinite where it has no pose."""
     m = len(square)
     for i in range(m):
         for k in range(len(q)):
@@ -127,7 +127,7 @@ def _squares(
 
 @compiled(borrows=True)
 def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int, float]:
-    """Let each particle keep its place if that is its best; the swarm's best and its square."""
+    """Update each particle's best position; returns the best particle and its square."""
     m = len(square)
     for i in range(m):
         if square[i] < fitness[i]:
@@ -145,7 +145,7 @@ def _remember(x: Array, square: Array, own: Array, fitness: Array) -> tuple[int,
 def _inertia(x: Array, bound: float, gains: Array, bins: Index, counts: Index) -> float:
     """Weight w of (14) from the entropy along the box's diagonal, as `swarm_entropy` has it.
 
-    `gains` (m,) is what a bin's share of E grows by with one particle more in it.
+    `gains` (m,) is the growth of a bin's term of E by one more particle, by their number in it.
     """
     m = len(bins)
     width, half = len(x) // m * bound, 0.5 * m
@@ -177,9 +177,9 @@ def _move(
     w: float,
     settings: Settings,
 ) -> None:
-    """Move every particle by (10), with the draws of this move; the box is a wall.
+    """Move every particle by (10), with the draws of this move; clipped to the box.
 
-    `goal` (j m,) takes p_g, once for each particle.
+    `goal` (j m,) is filled with p_g, once for each particle.
     """
     bound, _, velocity_fraction, cognitive, social = settings
     most = velocity_fraction * 2.0 * bound
@@ -201,9 +201,9 @@ def _move(
 
 @record
 class Swarm(NamedTuple):
-    """A swarm of one target: joints by particles (j m,), and of each particle (m,)."""
+    """Arrays of one target's swarm: (j m,) by joint and particle, (m,) by particle."""
 
-    x: Array  # places
+    x: Array  # positions
     v: Array
     own: Array  # p_i
     goal: Array
@@ -227,9 +227,9 @@ def _swarm(
     room: Place,
     out: Array,
 ) -> bool:
-    """Search one target, by the law of places nearby or, where that is 0, by the whole chain.
+    """Search one target by the nearby law, or by the whole chain if `law` is 0.
 
-    Whether it came within the tolerance. `given` are start, draws and gains, see `search`.
+    Returns whether it came within the tolerance. `given` are start, draws and gains of `search`.
     """
     (start, draws, gains), bound, limbs = given, settings[0], machine.body.limbs
     m, size = len(gains), len(start)
@@ -242,7 +242,7 @@ def _swarm(
     out[joints + 1] = 0.0
     for iteration in range(iterations + 1):
         if law != 0:
-            call(law, work)  # not a number where there is no place
+            call(law, work)  # NaN where there is no pose
         else:
             q = signals[at : at + joints]
             _squares(machine, q, signals, target, x, swarm.there, swarm.square, room)
@@ -272,21 +272,21 @@ def search(
 ) -> Array:
     """Corrections (0 to j - 1), distance [m] (j) and evaluations (j + 1) of each, (n, j + 2).
 
-    What the law of places nearby has found is asked of the whole chain; where that does not bear
-    it out, near a singular pose, or nothing was found, the chain is searched as well.
+    Results of the nearby law are checked with the whole chain. If the check fails, near a
+    singular pose, or if nothing was found, the whole chain is searched as well.
 
     Args:
         machine: with its effects.
-        nearby: law of places near a command, where that is all that counts; else empty.
+        nearby: law of tool places near a command, if there are no effects; else empty.
         signals: of the commands, (n, S).
-        target: places they mean (n, a) [m].
-        start: first places (j m,).
+        target: tool places they are meant to reach (n, a) [m].
+        start: start positions (j m,).
         draws: r1 (j m,) and r2 (j m,) of each move, one after the other.
         gains: see `_inertia`, (m,).
         settings: bound, tolerance, velocity_fraction, cognitive, social.
     """
     joints, m, size = machine.body.limbs.sizes[M], len(gains), len(start)
-    lawful, first = len(nearby.law) > 0, nearby.at[4]  # it takes the particles where they are
+    lawful, first = len(nearby.law) > 0, nearby.at[4]  # the law reads the particles in place
     out, given = np.zeros((len(signals), joints + 2)), (start, draws, gains)
     work, rest = np.zeros(first + size + m), np.zeros(3 * size + m)
     swarm = Swarm(

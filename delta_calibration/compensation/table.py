@@ -1,23 +1,24 @@
-"""Corrections at the nodes of a grid, and between them by tricubic splines.
+"""Table of corrections: values at the nodes of a grid, tricubic splines between them.
 
 The grid lies in *nominal joint space*, dq(q) with point(q + dq) = p*(q), and not in the space of
-the targets. Near the edge of the reach an arm and its rods come into one line; the joints go there
-as the square root of the distance that is left, in the joints themselves all is smooth. A grid
-over the targets of the paper's disc is far less exact with as many nodes, some of them are out of
-reach, and cells at the rim have no value; of the disc's box of joints the robot takes every place.
-The command is in joints already: nothing but the lookup stands between the two.
+the targets. Near the edge of the reach an arm and its rods become collinear; there the joints vary
+as the square root of the remaining distance, but in the joints themselves the correction is
+smooth. A grid over the targets of the paper's disc is far less exact with as many nodes: some are
+out of reach, and cells at the rim have no value. The robot reaches every command in the disc's box
+of joints. The command is in joints already, so that the lookup is all that is needed.
 
-What changes most, changes at the ends of the joints' ranges. The nodes lie therefore closer
-towards the ends, evenly in x (1 + b x^2) with x from -1 to 1 along an axis: an order of magnitude
-less error than evenly in x. Splines through the nodes (with a continuous third derivative next to
-the ends, so that cubics in x (1 + b x^2) are met exactly) have about half the error of Lagrange's
-or Catmull-Rom's cubics, and steady velocity and acceleration, at the cost of the same 64 terms.
+The correction varies most at the ends of the joints' ranges. The nodes are therefore denser
+towards the ends, evenly spaced in x (1 + b x^2) with x from -1 to 1 along an axis: an order of
+magnitude less error than with nodes evenly spaced in x. Splines through the nodes (with a
+continuous third derivative next to the ends, so that cubics in x (1 + b x^2) are met exactly) have
+about half the error of Lagrange's or Catmull-Rom's cubics, and continuous velocity and
+acceleration, at the cost of the same 64 terms.
 `benchmarks/table_choices.py` measures all of this, docs/performance.md has its figures.
 
-The region is a body in space, and its box of joints holds commands outside of it: their nodes
-carry the spline, the bound is promised for commands that the guards let pass. It is checked
-between the nodes, in the middle of every cell, where such a spline errs most, and at places of
-the region and its boundary that know nothing of the grid; the grid is refined until it holds.
+The region is a volume in space, and its box of joints also holds commands outside of it: nodes
+there support the spline, but the bound only holds for commands that pass the guards. It is checked
+between the nodes, in the middle of every cell, where such a spline errs most, and at points of
+the region and its boundary that are independent of the grid; the grid is refined until it holds.
 """
 
 from __future__ import annotations
@@ -41,13 +42,13 @@ from delta_calibration.compensation.base import (
 from delta_calibration.errors import InputError
 
 BEND = 0.4  # b
-FEWEST_NODES = 5  # an axis: as many as the condition at an end takes
+FEWEST_NODES = 5  # per axis: as many as the end condition takes
 AXES = 3
 
 
 @dataclass(frozen=True)
 class Stamp:
-    """What a table was made for."""
+    """Identity of the calibration, robot and tool that a table was made for."""
 
     calibration: str  # its seal
     robot: str  # hash of its file
@@ -56,7 +57,7 @@ class Stamp:
 
     @classmethod
     def of(cls, calibration: Calibration) -> Stamp:
-        """What a table for this calibration carries."""
+        """Return the stamp of a table for this calibration."""
         robot = calibration.robot
         name = calibration.chain.mechanism.name
         return cls(calibration.seal, robot.hash, name, tuple(map(float, robot.tool_offset)))
@@ -65,7 +66,7 @@ class Stamp:
         """Refuse any other calibration than the one that the table was made for.
 
         Raises:
-            InputError: what the table was made for, and what is in force.
+            InputError: names what the table was made for, and the current one.
         """
         now = Stamp.of(calibration)
         for what, own, other in (
@@ -86,21 +87,21 @@ class Table:
     """Corrections at the nodes of a grid over nominal joint angles.
 
     Raises:
-        InputError: values that are no table.
+        InputError: values that do not form a table.
     """
 
     lower: Array  # (3,) [rad] ends of the axes
     upper: Array  # (3,) [rad]
     corrections: Array  # (k, k, k, 3) [rad] at the nodes
     stamp: Stamp
-    solver: str  # that found them
-    bound: float  # [m] error that is promised between the nodes
-    worst: float  # [m] largest that was found there
-    checked: int  # places at which it was looked for
+    solver: str  # that found the corrections
+    bound: float  # [m] largest error allowed between the nodes
+    worst: float  # [m] largest error found there
+    checked: int  # number of commands at which it was checked
     bend: float = BEND  # b, see above
 
     def __post_init__(self) -> None:
-        """Refuse what is no table, and find its splines: no command is to wait for them."""
+        """Refuse invalid values, and compute the splines now: no command is to wait for them."""
         shape, k = self.corrections.shape, len(self.corrections)
         if shape != (k, k, k, AXES) or k < FEWEST_NODES:
             raise InputError(
@@ -115,7 +116,7 @@ class Table:
 
     @cached_property
     def _axes(self) -> Array:
-        """As the lookup takes them, (3, 6)."""
+        """Axes in the form of `table_kernel.look_up`, (3, 6)."""
         half = (self.upper - self.lower) / 2
         steps = np.full(AXES, (self.nodes - 1) / 2 / (1 + self.bend))
         columns = self.lower, self.upper, self.lower + half, 1 / half, 0 * half + self.bend, steps
@@ -123,29 +124,29 @@ class Table:
 
     @cached_property
     def _coefficients(self) -> Array:
-        """Of the splines through the nodes."""
+        """Coefficients of the splines through the nodes."""
         return _splined(self.corrections)
 
     @property
     def nodes(self) -> int:
-        """An axis."""
+        """Number of nodes per axis."""
         return len(self.corrections)
 
     def covers(self, q: Array) -> Flags:
-        """Commands (n, 3) [rad] within the grid, (n,)."""
+        """Whether commands (n, 3) [rad] lie within the grid, (n,)."""
         return np.asarray(((q >= self.lower) & (q <= self.upper)).all(axis=1))
 
     def at(self, q: Array) -> Array:
         """Corrections (n, 3) [rad] of commands (n, 3) [rad]; NaN outside the grid.
 
         Raises:
-            InputError: no numba that can be used.
+            InputError: numba cannot be used.
         """
-        rows = np.array(q, dtype=np.float64, order="C")  # memory of their own, of one layout
+        rows = np.array(q, dtype=np.float64, order="C")  # a contiguous copy
         return np.asarray(_kernel().look_up(self._axes, self._coefficients, rows))
 
     def told(self) -> str:
-        """How exact it is, for people."""
+        """Size, solver and error of the table, for display."""
         return (
             f"{self.nodes} nodes an axis by {self.solver}, at most {self.worst * 1e6:.2g} um off "
             f"at {self.checked} places between them, bound {self.bound * 1e6:g} um"
@@ -164,7 +165,7 @@ class Tabulated:
 
         Args:
             q: Nominal commands (n, 3) [rad].
-            target: Points they mean (n, 3) [m], by the nominal model that the table was made with.
+            target: Their target points (n, 3) [m], by the nominal model that the table is for.
         """
         q, target, usable = checked_commands(q, target, AXES)
         usable &= self.table.covers(q)
@@ -175,9 +176,9 @@ class Tabulated:
 
 
 def nodes_between(lower: Array, upper: Array, steps: Array, bend: float) -> Array:
-    """Joint angles of each axis (k, 3) [rad] at these x (1 + b x^2) / (1 + b), (k,) in -1 .. 1."""
+    """Joint angles of each axis (k, 3) [rad] at steps x (1 + b x^2) / (1 + b), in -1 .. 1 (k,)."""
     root = np.sqrt(3 * bend)
-    x = 2 / root * np.sinh(np.arcsinh(1.5 * root * (1 + bend) * steps) / 3)  # Cardano's
+    x = 2 / root * np.sinh(np.arcsinh(1.5 * root * (1 + bend) * steps) / 3)  # Cardano's formula
     return np.asarray((lower + upper) / 2 + np.outer(x, (upper - lower) / 2))
 
 
@@ -187,7 +188,7 @@ def _splined(values: Array) -> Array:
     rows = np.zeros((k + 2, k + 2))
     for node in range(k):
         rows[node, node : node + 3] = 1 / 6, 4 / 6, 1 / 6
-    rows[k, :5] = rows[k + 1, -5:] = 1, -4, 6, -4, 1  # one cubic on both sides of the second node
+    rows[k, :5] = rows[k + 1, -5:] = 1, -4, 6, -4, 1  # not-a-knot: one cubic about the second node
     solve = np.linalg.inv(rows)[:, :k]
     for axis in range(AXES):
         values = np.moveaxis(np.tensordot(solve, values, (1, axis)), 0, axis)
@@ -196,7 +197,7 @@ def _splined(values: Array) -> Array:
 
 @cache
 def _kernel() -> Any:
-    """The compiled lookup; numba is loaded with the first table that is asked."""
+    """The compiled lookup; numba is loaded with the first lookup."""
     try:
         return import_module("delta_calibration.compensation.table_kernel")
     except ImportError as error:

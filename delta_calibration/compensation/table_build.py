@@ -1,9 +1,9 @@
-"""Making a table: corrections at the nodes, then the error between them, until it is small enough.
+"""Building a table: the grid is refined until the error between its nodes is small enough.
 
-Between nodes the splines err by the fourth power of their distance, most in the middle of a cell.
-The error is looked for there, in every cell, and at places of the region and of its boundary that
-know nothing of the grid; it is the distance of the identified model's tool from the target, as for
-any other correction. Only commands that the guards let pass count.
+Between nodes the error of the splines grows with the fourth power of the spacing; it is largest in
+the middle of a cell. It is checked there, in every cell, and at points of the region and of its
+boundary that are independent of the grid. The error is the distance of the identified model's tool
+from the target, as for any other correction. Only commands that pass the guards count.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from delta_calibration.compensation.table import (
 )
 from delta_calibration.errors import DataError, InputError
 
-_SHARE = 0.8  # of the bound, for the largest error found: what lies between is not looked at
-_ORDER, _GROWTH = 4, 2.0  # of the error in the nodes' distance; most of their number at once
-_PAD = 0.01  # of the box's width, either side of the commands that it is made for
-_BLOCK = 1024  # places worked on at once
+_SHARE = 0.8  # of the bound, for the largest error found: points between are not checked
+_ORDER, _GROWTH = 4, 2.0  # of the error in the spacing; largest growth of their number in one step
+_PAD = 0.01  # of the box's width, added on either side of the commands
+_BLOCK = 1024  # commands worked on at once
 
 Follow = Callable[[range], Iterable[int]]
 
 
 @dataclass(frozen=True)
 class TableSettings:
-    """How a table is made."""
+    """Settings to build a table."""
 
     solver: str = "newton"  # what finds the corrections at the nodes: newton or apso
     bound: float = REACHED  # [m] largest error of a command between the nodes
-    nodes: int = 15  # an axis, at first
-    most: int = 80  # an axis; beyond, no table is made
+    nodes: int = 15  # per axis, at first
+    most: int = 80  # per axis; with more, no table is made
 
     def __post_init__(self) -> None:
         """Refuse settings with which no table can be made."""
@@ -68,24 +68,24 @@ class TableSettings:
 
 @dataclass(frozen=True)
 class Task:
-    """What a table is to hold, as functions of nominal commands (n, 3) [rad]."""
+    """Content of a table to build, as functions of nominal commands (n, 3) [rad]."""
 
     stamp: Stamp
     solver: Compensator  # exact
     meant: PointFunction  # tool points of the nominal robot
     point: PointFunction  # of the identified one
-    admitted: Callable[[Array], Flags]  # commands that no guard refuses
-    largest: float  # [rad] correction of a joint; a larger one is refused
-    asked: Array  # (a, 3) [rad] commands all over the region, none that is refused
+    admitted: Callable[[Array], Flags]  # whether commands pass all guards
+    largest: float  # [rad] largest correction of a joint; a larger one is refused
+    asked: Array  # (a, 3) [rad] commands all over the region that pass the guards
 
 
 def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
-    """A table of which the error between the nodes is within the bound.
+    """Build a table whose error between the nodes is within the bound.
 
     Args:
-        task: what it is to hold.
-        settings: how.
-        follow: is handed the blocks of work and hands them on; for a progress bar.
+        task: content of the table.
+        settings: solver, bound and numbers of nodes.
+        follow: wraps the iteration over the blocks of work; for a progress bar.
 
     Raises:
         DataError: the region holds no command, or the bound cannot be held.
@@ -109,9 +109,9 @@ def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
 
 
 def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Table:
-    """A table of k nodes an axis that was not checked yet.
+    """Build a table of k nodes per axis, not checked yet.
 
-    A node without an answer, somewhere beyond the region, takes that of the nearest that has one.
+    A node without a solution, beyond the region, takes that of the nearest node that has one.
     """
     from scipy.ndimage import distance_transform_edt  # slow to load
 
@@ -132,7 +132,7 @@ def _filled(task: Task, settings: TableSettings, k: int, follow: Follow) -> Tabl
 
 
 def _checked(task: Task, table: Table, follow: Follow) -> Table:
-    """The table with the largest error that is found in it."""
+    """Return the table with its largest error and the number of commands checked."""
     steps = np.linspace(-1, 1, 2 * table.nodes - 1)[1::2]
     middles = _lattice(nodes_between(table.lower, table.upper, steps, table.bend))
     q, worst, checked = np.concatenate([task.asked, middles]), 0.0, 0
@@ -143,19 +143,19 @@ def _checked(task: Task, table: Table, follow: Follow) -> Table:
 
 
 def _errors(task: Task, table: Table, q: Array) -> Array:
-    """Distances from the targets (c,) [m], but for corrections that the bound refuses."""
+    """Distances from the targets (c,) [m]; corrections beyond the largest are left out."""
     dq = table.at(q)
     passed = ~(np.abs(dq) > task.largest).any(axis=1)
     return distance(task.point(q[passed] + dq[passed]) - task.meant(q[passed]))
 
 
 def _lattice(axes: Array) -> Array:
-    """All joints of a grid, (k, 3) -> (k^3, 3) [rad]; the last joint changes first."""
+    """All joints of a grid, (k, 3) -> (k^3, 3) [rad]; the last joint varies fastest."""
     grid = np.meshgrid(*axes.T, indexing="ij")
     return np.stack(grid, axis=-1).reshape(-1, axes.shape[1])
 
 
 def _blocks(n: int, follow: Follow) -> Iterable[slice]:
-    """The rows of n in blocks."""
+    """Yield the slices of n rows, block by block."""
     for block in follow(range(-(-n // _BLOCK))):
         yield slice(block * _BLOCK, (block + 1) * _BLOCK)

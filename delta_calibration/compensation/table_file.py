@@ -27,7 +27,7 @@ from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.files import written_whole
 
 _SEAL = "sha256"
-_UNREADABLE = (  # what numpy, zip and JSON raise for a file that is none of theirs, or not whole
+_UNREADABLE = (  # raised by numpy, zip and JSON for a file of another format or an incomplete one
     OSError,
     ValueError,
     EOFError,
@@ -82,7 +82,7 @@ def load_table(path: Path, calibration: Calibration) -> Table:
 
 
 def _content(table: Table) -> dict[str, Any]:
-    """All of the header but its seal."""
+    """Return the header without its seal."""
     stamp = table.stamp
     return {
         "schema": 1,
@@ -110,7 +110,7 @@ def _content(table: Table) -> dict[str, Any]:
 
 
 def _table(header: Mapping[str, Any], corrections: Array) -> Table:
-    """The table that a header and its corrections make."""
+    """Build the table from a header and its corrections."""
     axes, error, made_for = header["axes"], header["error"], header["made_for"]
     nodes = axes["nodes"]
     if corrections.shape != (nodes, nodes, nodes, 3):
@@ -153,5 +153,5 @@ def _read(path: Path) -> tuple[Any, Array]:
 
 
 def _hash(corrections: Array) -> str:
-    """SHA-256 of the corrections' bytes, the lowest first."""
+    """SHA-256 of the corrections as little-endian bytes."""
     return hashlib.sha256(np.ascontiguousarray(corrections, dtype="<f8").tobytes()).hexdigest()

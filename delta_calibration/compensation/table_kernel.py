@@ -1,11 +1,11 @@
 """Compiled lookup in a table of corrections: tricubic B-splines, all three joints at once.
 
-On each axis, from -1 to 1 in x, the nodes lie evenly in x (1 + b x^2); in steps u of that
+On each axis, x from -1 to 1, the nodes are evenly spaced in x (1 + b x^2); with u in these steps
 
     dq(u) = sum_ijk B(u_1 - i) B(u_2 - j) B(u_3 - k) c_ijk
 
-with B the cubic B-spline: 4 x 4 x 4 coefficients count at a place. A joint beyond the table, or
-one that is no number, has no correction: NaN.
+with B the cubic B-spline: 4 x 4 x 4 coefficients contribute at a command. A command with a joint
+beyond the table, or one that is NaN, has no correction: NaN.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Spline = tuple[int, float, float, float, float]
 
 @compiled()
 def _splines(q: float, axis: Array, last: int) -> Spline:
-    """The first of the four splines that count at q [rad], and the value of each there."""
+    """Index of the first of the four splines that contribute at q [rad], and their values."""
     x = (q - axis[2]) * axis[3]
     u = (x + axis[4] * x * x * x) * axis[5] + 0.5 * (last + 1)
     first = min(max(int(u), 0), last)
@@ -39,7 +39,7 @@ def look_up(axes: Array, coefficients: Array, q: Array) -> Array:
     """
     out, size, sums = np.empty((len(q), 3)), len(coefficients), np.empty(12)
     c = coefficients.reshape(-1)
-    # Unsigned, or every index would be looked at for its sign and the loop below not vectorised.
+    # Unsigned, as else the sign of every index is checked and the loop below not vectorised.
     one, two, three = np.uint64(3 * size), np.uint64(6 * size), np.uint64(9 * size)  # lines
     plane = np.uint64(3 * size * size)
     for row in range(len(q)):

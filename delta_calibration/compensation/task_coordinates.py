@@ -1,4 +1,4 @@
-"""What of the tool a joint command aims at, in coordinates that can be subtracted.
+"""Task coordinates: the tool's place as joints command it, in coordinates that can be subtracted.
 
     place = [p; h R e_x; h R e_y; h R e_z],   h = LEVER / sqrt(2)
 
@@ -6,9 +6,9 @@ with p the tool point and R the platform's orientation. The distance of two plac
 
     sqrt(|p - p'|^2 + (2 LEVER sin(angle / 2))^2),
 
-angle that of the turn between them: a turn of a radian counts as LEVER metres. Where the joints
-command no turn the place is p alone, or those of its coordinates that they command: x and y of an
-arm of two joints.
+angle that of the rotation between them: a small rotation counts LEVER metres per radian. Where the
+joints command no rotation the place is p alone, or those of its coordinates that they command: x
+and y of an arm of two joints.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SPACE = 3
 
 @dataclass(frozen=True)
 class TaskCoordinates:
-    """Which coordinates of the tool a mechanism's joints command, the tool at `tool` (3,) [m]."""
+    """Coordinates of a tool at `tool` (3,) [m] that the joints of a mechanism command."""
 
     tool: Array
     axes: tuple[int, ...]  # of x, y, z
@@ -37,10 +37,10 @@ class TaskCoordinates:
 
     @classmethod
     def of(cls, mechanism: Mechanism, tool: Array) -> TaskCoordinates:
-        """What this mechanism's joints command of a tool in the platform's frame (3,) [m].
+        """Return the task coordinates of a mechanism, for a tool in the platform's frame (3,) [m].
 
-        Where they turn the platform the whole pose counts, also what is no choice of theirs: it
-        follows from the rest, for the nominal machine and the identified one alike.
+        If its joints rotate the platform the whole pose counts, even coordinates that they cannot
+        choose: these follow from the others, in the nominal and the identified machine alike.
         """
         freedoms = mechanism.freedoms
         turns = max(freedoms) >= _SPACE
@@ -48,5 +48,5 @@ class TaskCoordinates:
 
     @property
     def size(self) -> int:
-        """Coordinates of a place."""
+        """Number of coordinates of a place."""
         return len(self.axes) + (_SPACE * _SPACE if self.turns else 0)

@@ -1,4 +1,4 @@
-"""What was commanded and measured: streams, readings, still moments, poses, noise."""
+"""Commanded and measured data of a session: streams, readings, still moments, poses, motion."""
 
 from delta_calibration.data.conditions import Conditions, at_rest, joined
 from delta_calibration.data.motion import Motion, Stroke, motion_of

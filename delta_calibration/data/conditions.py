@@ -1,4 +1,4 @@
-"""Under which conditions each sample was taken: all that an effect may depend on."""
+"""Conditions of each sample: all quantities that an effect may depend on."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Conditions:
-    """Joint angles of n samples and what held while they were taken.
+    """Joint angles of n samples and the conditions under which they were taken.
 
-    `direction` is the sign of each joint's last motion, 0 where not known; `travel` how far the
-    joint has gone since it last turned round, infinite where not known. What was not recorded is
+    `direction` is the sign of each joint's last motion, 0 if unknown; `travel` is the joint's
+    distance from its last reversal, infinite if unknown. Quantities that were not recorded are
     NaN. `reading` and `reading_velocity` are the tracker's: as measured, or as the chain predicts
     them before its last stage.
     """
@@ -44,7 +44,7 @@ class Conditions:
         return replace(self, **{name: getattr(self, name)[rows] for name in _ARRAYS})
 
     def fingerprint(self) -> bytes:
-        """The same for the same conditions but for the time."""
+        """Key of the conditions that is equal if all but the times are equal."""
         rest = [getattr(self, name).tobytes() for name in _ARRAYS if name != "time"]
         return b"".join([*rest, *(part.encode() for part in self.temperature_parts)])
 
@@ -61,7 +61,7 @@ class Conditions:
 
 
 def at_rest(joint: Array) -> Conditions:
-    """Joints (n, m) [rad] that stand still, nothing else being known."""
+    """Return the conditions of joints (n, m) [rad] at rest, all else being unknown."""
     n, m = joint.shape
     still, unknown = np.zeros((n, m)), np.full(n, np.nan)
     return Conditions(
@@ -81,7 +81,7 @@ def at_rest(joint: Array) -> Conditions:
 
 
 def joined(first: Conditions, *others: Conditions) -> Conditions:
-    """The samples of all, one after the other; the same sensors in all."""
+    """Concatenate the samples of all, which must have the same sensors."""
     parts = (first, *others)
     together: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in _ARRAYS

@@ -1,8 +1,7 @@
-"""How the joints moved: speed, acceleration, and which way each has gone since it last turned.
+"""Motion of the joints: velocity, acceleration, direction and travel since the last reversal.
 
-Directions follow the largest excursion: a joint has turned round when it has come back by more
-than `TURNED` times the mechanism's joint size from the farthest point of its last stroke, so that
-the noise of an encoder does not turn it.
+A joint has reversed when it has come back by more than `TURNED` times the mechanism's joint size
+from the farthest point of its last stroke, so that encoder noise is not taken for a reversal.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 TURNED = 200e-6  # [rad of a Delta]
-_GAP = 0.25  # [s] across a longer pause there is no speed
-_SMOOTH = 0.1  # [s] over which speeds are taken where samples are denser
-_FEWEST = 5  # samples
-_BURST = 0.2  # of the usual step
-_RIDGE = 1e-12  # where the samples in a row do not set a quartic, a lower curve is taken
-_AT_A_TIME = 4096
+_GAP = 0.25  # [s] pause between samples across which no velocity is computed
+_SMOOTH = 0.1  # [s] window of the fits that give velocities, if samples are dense
+_FEWEST = 5  # samples in the window
+_BURST = 0.2  # of the median step: samples closer than this are a burst
+_RIDGE = 1e-12  # regularization where the samples do not determine a quartic
+_AT_A_TIME = 4096  # samples fitted at once
 
 
 @dataclass(frozen=True)
@@ -40,22 +39,22 @@ class Motion:
 
     @property
     def velocity(self) -> Array:
-        """(n, m) [rad/s]."""
+        """Velocity at the samples, (n, m) [rad/s]."""
         return self._derived[0]
 
     @property
     def acceleration(self) -> Array:
-        """(n, m) [rad/s^2]."""
+        """Acceleration at the samples, (n, m) [rad/s^2]."""
         return self._derived[1]
 
     @property
     def direction(self) -> Array:
-        """(n, m) -1, 0, 1."""
+        """Sign of the last motion at the samples, (n, m): -1, 0 (unknown) or 1."""
         return self._stroked[0]
 
     @property
     def travel(self) -> Array:
-        """(n, m) [rad] since the last turn, infinite before the first."""
+        """Distance from the last reversal, (n, m) [rad]; infinite before the first."""
         return self._stroked[1]
 
     def at(self, time: Array) -> tuple[Array, Array, Array, Array]:
@@ -92,26 +91,26 @@ class Motion:
 
 
 def motion_of(time: Array, joint: Array, joint_size: float = 1.0) -> Motion:
-    """Motion of joints (n, m) [rad] at rising times (n,) [s].
+    """Return the motion of joints (n, m) [rad] at increasing times (n,) [s].
 
     Args:
         time: of the samples.
         joint: coordinates at these times, in the joints' unit.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joint_size: displacement, in the joints' unit, that corresponds to 1 rad of a Delta.
     """
     return Motion(time, joint, joint_size)
 
 
 def largest_around(value: Array, around: int) -> Array:
-    """Largest of each value (n,) and of as many as `around` before and behind it, (n,)."""
+    """Running maximum of values (n,), over `around` values before and after each, (n,)."""
     wide = np.pad(value, around, mode="edge")
     return np.asarray(sliding_window_view(wide, 2 * around + 1).max(axis=1))
 
 
 def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:
-    """Speed and acceleration of one stretch, by a quartic over the neighbours, whenever they came.
+    """Velocity and acceleration of one stretch, by quartics over unevenly spaced neighbours.
 
-    A parabola would be half a percent short on a circle read ten times a second.
+    A parabola would give half a percent too little on a circle sampled ten times a second.
     """
     step = float(np.median(np.diff(time)))
     kept = _apart(time, _BURST * step)
@@ -129,7 +128,7 @@ def _derivatives(time: Array, joint: Array) -> tuple[Array, Array]:
 
 
 def _apart(time: Array, least: float) -> Index:
-    """Samples that are not in a burst with the one before, as what was held up is sent in."""
+    """Samples that do not follow in a burst; delayed messages arrive in bursts."""
     if (np.diff(time) >= least).all():
         return np.arange(len(time))
     kept, last = [], -np.inf
@@ -141,7 +140,7 @@ def _apart(time: Array, least: float) -> Index:
 
 
 def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array, Array]:
-    """First and second derivative at some rows (k,) of polynomials through those near, (k, w)."""
+    """First and second derivative at rows (k,) of polynomials fitted to neighbours (k, w)."""
     apart = time[near] - time[rows, None]
     span = np.abs(apart).max(axis=1, keepdims=True)
     powers = (apart / span)[..., None] ** np.arange(min(5, near.shape[1]))
@@ -152,9 +151,9 @@ def _fitted(time: Array, joint: Array, rows: Index, near: Index) -> tuple[Array,
 
 
 def _strokes(angle: Array, least: float) -> tuple[Array, Array]:
-    """Direction and travel of one joint, each (n,), which turns by coming back more than `least`.
+    """Direction and travel of one joint, each (n,); a reversal is a way back over `least`.
 
-    A turn shows only when the joint has come back far enough; all since then belongs to it.
+    A reversal is detected late; all samples after the farthest point belong to the new stroke.
     """
     changed = np.flatnonzero(np.diff(angle, prepend=np.nan) != 0)
     went = angle[changed]
@@ -177,12 +176,12 @@ def _strokes(angle: Array, least: float) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Stroke:
-    """Which way a joint goes and from where; the state that play depends on."""
+    """Direction of a joint's motion and its start: the state on which backlash depends."""
 
-    farthest: float  # [rad] the stroke has come
+    farthest: float  # [rad] farthest point of the stroke
     direction: float = 0.0
-    turn: float = np.nan  # [rad] where it began; NaN before the first turn
-    least: float = TURNED  # [rad] of a way back that is a turn
+    turn: float = np.nan  # [rad] start of the stroke; NaN before the first reversal
+    least: float = TURNED  # [rad] way back from which it is a reversal
 
     def moved(self, angle: float) -> Stroke:
         """The stroke after the joint has come to `angle` [rad]."""
@@ -199,5 +198,5 @@ class Stroke:
         return Stroke(farthest, float(direction), turn, self.least)
 
     def travel(self, angle: float) -> float:
-        """How far the joint is from where it last turned [rad]; infinite before."""
+        """Distance of the joint from its last reversal [rad]; infinite before the first."""
         return abs(angle - self.turn) if np.isfinite(self.turn) else np.inf

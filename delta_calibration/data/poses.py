@@ -1,4 +1,4 @@
-"""Measured poses and paths, each sample with the conditions it was measured under."""
+"""Measured poses and paths, each sample with its conditions."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _SAME_PLACE = 200e-6  # [rad of a Delta] commands this close are the same place
-_PAIRS = 6  # of successive stops that say whether something moved between them
+_PAIRS = 6  # least number of pairs of successive stops that show an unrecorded motion
 _SAME_PAYLOAD = 1e-3  # [kg]
-_PAUSE = 0.25  # [s] readings farther apart are not of one path
-_PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] the shortest path worth using
-# what is slower than this share of the fastest within so long [s] before and after is at rest
+_PAUSE = 0.25  # [s] readings farther apart belong to different paths
+_PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] of the shortest path used
+# a joint speed below this share of the largest within so long [s] before and after is rest
 _RESTING, _AROUND = 0.1, 0.5
 BLOCK = 2.5e-3  # [rad of a Delta] of travel over which a path is straight to half a micrometre
 
@@ -36,7 +36,7 @@ class Poses:
     """Poses measured at rest, in the order of time.
 
     `place` numbers equal commands, `repeat` equal commands reached from the same side with the
-    same payload: poses of one `repeat` differ by noise and by what changes with time only.
+    same payload: poses of one `repeat` differ only by noise and by changes with time.
     """
 
     source: str
@@ -48,9 +48,9 @@ class Poses:
     quaternion: Array | None  # (n, 4)
     count: Index  # (n,) readings averaged
     scatter: Array  # (n, 3, 3) [m^2] of a single reading
-    direction: Array  # (n, m) sign of each joint's last motion, 0 where not known
-    travel: Array  # (n, m) [rad] since each joint last turned, infinite where not known
-    payload: Array  # (n,) [kg], NaN where not known
+    direction: Array  # (n, m) sign of each joint's last motion, 0 if unknown
+    travel: Array  # (n, m) [rad] from each joint's last reversal, infinite if unknown
+    payload: Array  # (n,) [kg], NaN if unknown
     payload_centre: Array  # (n, 3) [m]
     temperature_parts: tuple[str, ...]
     temperature: Array  # (n, parts) [deg C]
@@ -66,10 +66,10 @@ class Poses:
 
     @property
     def unseen_motion(self) -> float:
-        """Median distance between successive stops of one command without motion [m].
+        """Median distance between successive poses with the same `repeat` number [m].
 
-        No more than noise if the machine stood still. If it is far more, the joints moved between
-        the stops and this was not recorded: the sides of approach are not known. 0 with fewer than
+        Between these no motion to another stop was recorded. If the distance is far above the
+        noise, the joints moved in between: the sides of approach are unknown. 0 with fewer than
         six such pairs.
         """
         still = np.flatnonzero(self.repeat[1:] == self.repeat[:-1])
@@ -80,7 +80,7 @@ class Poses:
 
     @property
     def conditions(self) -> Conditions:
-        """What held at each pose; nothing moves."""
+        """Conditions of each pose, at rest."""
         still = np.zeros_like(self.joint)
         return Conditions(
             joint=self.joint,
@@ -99,11 +99,11 @@ class Poses:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of what was measured, to 1 nm, whatever the session is called."""
+        """SHA-256 of the measured positions, rounded to 1 nm, without the session's name."""
         return hashlib.sha256(np.round(1e9 * self.point).astype("<i8").tobytes()).hexdigest()
 
     def take(self, rows: NDArray[np.intp]) -> Poses:
-        """Some of the poses; what is said of the session as a whole stays."""
+        """Some of the poses; the entries about the whole session are unchanged."""
         each: dict[str, Any] = {
             name: value[rows]
             for name, value in vars(self).items()
@@ -116,8 +116,8 @@ class Poses:
 class Paths:
     """Readings taken in motion, averaged over 2.5 mrad of travel at most.
 
-    `path` numbers the stretches of uninterrupted motion: the joints come to rest a little off
-    their command once a move, so that along a path this is an offset and no noise.
+    `path` numbers the stretches of uninterrupted motion: the joints' rest error is drawn once a
+    move, so that it is a constant offset along a path and not noise.
     """
 
     conditions: Conditions
@@ -130,43 +130,43 @@ class Paths:
 
 @dataclass(frozen=True)
 class Survey:
-    """All that a session has to say: what was measured at rest and in motion."""
+    """All measurements of a session: poses at rest and paths in motion."""
 
     poses: Poses
     paths: Paths
 
     @cached_property
     def conditions(self) -> Conditions:
-        """Of the poses, then of the paths' readings."""
+        """Conditions of the poses, then of the paths' readings."""
         return joined(self.poses.conditions, self.paths.conditions)
 
 
 def collect(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Poses:
-    """Measured poses of a session with their conditions.
+    """Return the measured poses of a session with their conditions.
 
     Args:
-        session: what was recorded.
+        session: the recorded streams.
         joint_names: of the robot, in the order of its joint vectors.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joint_size: displacement, in the joints' unit, that corresponds to 1 rad of a Delta.
 
     Raises:
         RecordingError: streams missing, or joints of another robot.
-        DataError: no overlap in time, nothing still.
+        DataError: no overlap in time, or no pose at rest.
     """
     return _poses(session, *_seen(session, joint_names, joint_size), joint_size)
 
 
 def survey(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Survey:
-    """Measured poses and paths of a session with their conditions.
+    """Return the measured poses and paths of a session with their conditions.
 
     Args:
-        session: what was recorded.
+        session: the recorded streams.
         joint_names: of the robot, in the order of its joint vectors.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joint_size: displacement, in the joints' unit, that corresponds to 1 rad of a Delta.
 
     Raises:
         RecordingError: streams missing, or joints of another robot.
-        DataError: no overlap in time, nothing still.
+        DataError: no overlap in time, or no pose at rest.
     """
     seen = _seen(session, joint_names, joint_size)
     return Survey(_poses(session, *seen, joint_size), _paths(session, *seen, joint_size))
@@ -266,8 +266,8 @@ def _blocks(
 ) -> tuple[Index, Index]:
     """Block and path that each reading belongs to, (n,) each; -1 for readings of no path.
 
-    One motion is one path: where the machine has come to rest, if only for a moment, another
-    begins, and with it another rest error.
+    One motion is one path: after a rest, however short, another path begins, with another rest
+    error of the joints.
     """
     time, joint = readings.time, readings.joint
     after = np.searchsorted(moments.begin, time, side="right") - 1
@@ -283,7 +283,7 @@ def _blocks(
     size = np.bincount(path)
     length = np.bincount(path, weights=gone)
     good = (size[path] >= _PATH_READINGS) & (length[path] >= _PATH_LENGTH) & ~resting
-    # blocks of equal travel within each path, none across a joint's turn
+    # blocks of equal travel within each path, none across a joint's reversal
     along = np.cumsum(gone)
     along -= along[np.flatnonzero(broken)][path]
     step = np.floor(along / BLOCK).astype(np.int64)
@@ -297,7 +297,7 @@ def _stamps(readings: Readings, time: Array) -> NDArray[np.int64]:
 
 
 def _motion(session: Session, names: Sequence[str], start_ns: int, joint_size: float) -> Motion:
-    """Of the commanded joints, which carry no noise; of the measured ones where none are known."""
+    """Motion of the commanded joints, which have no noise, or else of the measured ones."""
     stream = session.command or session.states
     if stream is None:
         return motion_of(np.zeros(1), np.zeros((1, len(names))))
@@ -311,7 +311,7 @@ def require_poses(poses: Poses, least: int) -> None:
     """Refuse a session with too few different places.
 
     Raises:
-        DataError: names how many there are and how many are needed.
+        DataError: names the number of places found and needed.
     """
     places = len(np.unique(poses.place))
     if places < least:
@@ -322,7 +322,7 @@ def require_poses(poses: Poses, least: int) -> None:
 
 
 def _payload(stream: PayloadStream | None, stamps: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Mass and centre that held at each stamp; NaN before the first message."""
+    """Mass and centre of the payload at each stamp; NaN before the first message."""
     mass, centre = np.full(len(stamps), np.nan), np.full((len(stamps), 3), np.nan)
     if stream is None or len(stream.stamp_ns) == 0:
         return mass, centre
@@ -346,7 +346,7 @@ def _temperature(session: Session, stamps: NDArray[np.int64]) -> Array:
 
 
 def _clusters(values: Array, width: float) -> Index:
-    """Number of the group of (nearly) equal rows that each row belongs to, (n,)."""
+    """Group number of each row, (n,); rows within `width` of the group's first are one group."""
     label = np.full(len(values), -1, dtype=np.int64)
     number = 0
     for row in range(len(values)):

@@ -1,4 +1,4 @@
-"""Tracker readings brought together with the joints they belong to, by stamp."""
+"""Tracker readings matched with joint angles by time stamp."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from delta_calibration.errors import DataError, RecordingError
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SHORT_GAP = 0.25  # [s] joints this close before and after a reading may be interpolated
+_SHORT_GAP = 0.25  # [s] gap between joint messages that may be interpolated
 _NEAR = 0.05  # [s] a single joint message this close to a reading belongs to it
-_FROZEN = 3  # as many equal readings in a row are no measurement any more
+_FROZEN = 3  # so many equal readings in a row are a frozen value, not measurements
 _HELD = 1e-6  # [rad of a Delta] joints that are equal to this on both sides of a gap were held
-_OFTEN = 0.06  # [s] commands closer than this show where joints turn round on the way to a stop
+_OFTEN = 0.06  # [s] commands closer than this show reversals of joints on the way to a stop
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Rejected:
     settling: int = 0  # the platform had not come to rest
 
     def counts(self) -> dict[str, int]:
-        """Reasons and numbers."""
+        """Number of readings set aside, by reason."""
         return dict(vars(self))
 
 
@@ -44,8 +44,8 @@ class Readings:
     time: Array  # (n,) [s] since start_ns, strictly increasing
     joint: Array  # (n, m) [rad] by the encoders; by the command where there are no encoders
     command: Array  # (n, m) [rad]; the encoders' if none were recorded, NaN where none is near
-    # (n, m) [rad] that each joint was commanded to go since the first, back as well: readings are
-    # slower than commands, and a move on the spot lies between two of them
+    # (n, m) [rad] commanded path length of each joint since the first, in both directions: a short
+    # move back and forth may lie between two readings, which are less frequent than commands
     gone: Array
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
@@ -69,16 +69,16 @@ class Readings:
 
 
 def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0) -> Readings:
-    """Interpolate the joints at the stamps of the tracker.
+    """Interpolate the joint angles at the tracker's stamps.
 
-    Interpolation, not pairing with the nearest: between joint messages less than 0.25 s apart the
-    angles are taken linearly at the reading's own stamp. Across longer gaps a reading is used only
-    if a joint message lies within 0.05 s, or if the joints stand at the same angles on both sides.
+    Between joint messages at most 0.25 s apart the angles are interpolated linearly at the
+    reading's stamp, not taken from the nearest message. Across longer gaps a reading is used only
+    if a joint message lies within 0.05 s, or if the joints have equal angles on both sides.
 
     Args:
-        session: what was recorded.
+        session: the recorded streams.
         joint_names: the robot's joints, in its order.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joint_size: displacement, in the joints' unit, that corresponds to 1 rad of a Delta.
 
     Raises:
         RecordingError: no joints or no tracker in the session, or joints of other names.
@@ -130,7 +130,7 @@ def _readings(
 
 
 def _distance(command: JointStream) -> JointStream:
-    """How far each joint has gone in all, in the place of where it is."""
+    """Stream of each joint's path length since the start, instead of its position."""
     stamps, rows, _ = _in_order(command.stamp_ns)
     position = command.position[rows]
     gone = np.abs(np.diff(position, axis=0, prepend=position[:1])).cumsum(axis=0)
@@ -138,7 +138,7 @@ def _distance(command: JointStream) -> JointStream:
 
 
 def _seldom(command: JointStream) -> list[str]:
-    """A note where turns of the joints can lie between two commands."""
+    """A note if joints may reverse unnoticed between two commands."""
     step = float(np.median(np.diff(command.stamp_ns))) * 1e-9 if len(command.stamp_ns) > 1 else 0.0
     if step <= _OFTEN:
         return []
@@ -159,13 +159,13 @@ def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStr
 
 
 def _in_order(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.intp], int]:
-    """Stamps sorted, rows they come from, and how many repeats of a stamp were left out."""
+    """Sorted unique stamps, their rows, and the number of repeated stamps left out."""
     unique, rows = np.unique(stamps, return_index=True)
     return unique, rows, len(stamps) - len(unique)
 
 
 def _frozen(position: Array) -> Mask:
-    """Readings that repeat the last value, in runs of `_FROZEN` equal ones; the first is kept."""
+    """Mask of readings in runs of `_FROZEN` or more equal ones, except the first of a run."""
     same = np.r_[False, (np.diff(position, axis=0) == 0).all(axis=1)]
     run = np.cumsum(~same)
     length = np.bincount(run)
@@ -173,9 +173,9 @@ def _frozen(position: Array) -> Mask:
 
 
 def _at(stream: JointStream, stamps: NDArray[np.int64], least: float) -> tuple[Array, Mask]:
-    """Angles at the given stamps, (n, m), and where they are known.
+    """Angles at the given stamps, (n, m), and mask of those that are known.
 
-    Joints that are equal to `least` on both sides of a gap were held.
+    Joints that differ by at most `least` on both sides of a gap were held.
     """
     own, rows, _ = _in_order(stream.stamp_ns)
     position = stream.position[rows]

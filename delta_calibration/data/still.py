@@ -1,4 +1,4 @@
-"""Still moments, found from the data: where the joints hold and the platform has come to rest."""
+"""Detection of still moments: the joints are held and the platform has come to rest."""
 
 from __future__ import annotations
 
@@ -13,53 +13,54 @@ from delta_calibration.errors import DataError
 
 Array = NDArray[np.float64]
 
-# in radians of a Delta: times the mechanism's joint size
-_HOLD = 20e-6  # [rad] joints that stay within this of where a moment began are held ...
-_COMMANDED = 1e-6  # [rad] the same for the commanded angles, which carry no noise
+# limits in radians of a Delta, to be multiplied by the mechanism's joint size
+_HOLD = 20e-6  # [rad] joints that stay within this of a moment's first value are held ...
+_COMMANDED = 1e-6  # [rad] the same limit for commanded angles, which have no noise
 _HOLD_SIGMAS = 8.0  # ... or within so many of the encoders' own standard deviations, ...
 _HOLD_MOST = 200e-6  # [rad] ... but never beyond: steady motion would look like noise
-_QUIET = 0.2, 0.2533  # share of the steps taken for pure noise, and that quantile of |N(0, 1)|
+_QUIET = 0.2, 0.2533  # quantile of the steps used to estimate noise, and of |N(0, 1)|
 _BREAK = 1.0  # [s] a pause in the readings longer than this ends a moment
-_LONG_ENOUGH = 0.15  # [s] what holds shorter than this in a stream is motion seen slowly
-_ENOUGH = 5  # readings
-_SPARSE = 0.5  # [s] a session whose readings lie farther apart holds one message a pose
-_OUTLIER = 6.0  # standard deviations from the moment's median
+_LONG_ENOUGH = 0.15  # [s] least duration of a moment in a stream; less may be slow motion
+_ENOUGH = 5  # least readings of a moment in a stream
+_SPARSE = 0.5  # [s] median interval of readings above which a session has one message a pose
+_OUTLIER = 6.0  # standard deviations from the moment's rest position
 _SCATTER_FLOOR = 1e-6  # [m] so that a few equal readings do not make the next one an outlier
 _PER_MEDIAN = 0.8493  # standard deviation over median distance, noise across the beam (Rayleigh)
 
 
 @dataclass(frozen=True)
 class StillMoments:
-    """What was measured while the platform stood still, averaged over each moment."""
+    """Measurements while the platform stood still, averaged over each moment."""
 
     begin: Array  # (n,) [s]
     end: Array  # (n,) [s]
     joint: Array  # (n, m) [rad]
-    command: Array  # (n, m) [rad]; the encoders' where it is not known
+    command: Array  # (n, m) [rad]; by the encoders if unknown
     point: Array  # (n, 3) [m] in the tracker's frame
     quaternion: Array | None  # (n, 4)
     count: NDArray[np.int64]  # (n,) readings averaged
-    # (n, 3, 3) [m^2] covariance of a single reading in the moment, NaN for one alone
+    # (n, 3, 3) [m^2] covariance of a single reading in the moment, NaN if there is only one
     scatter: Array
 
 
 def find_still(readings: Readings, joint_size: float = 1.0) -> tuple[StillMoments, Readings]:
     """Cut the readings into still moments and average each.
 
-    A moment begins anew when a joint leaves the place where the moment began, or readings pause.
-    In a stream, moments must last 0.15 s and hold 5 readings; where a session has one message a
-    pose, each is one. Readings farther than 6 robust standard deviations from their moment's
-    median are set aside: as settling while they lead the moment, as outliers elsewhere.
+    A new moment begins when a joint leaves its value at the start of the moment, or after a pause
+    in the readings. In a stream, a moment must last 0.15 s and hold 5 readings; if a session has
+    one message a pose, each message is a moment. Readings farther than 6 robust standard
+    deviations from the median of their moment's later half are set aside: as settling at the
+    start of the moment, as outliers elsewhere.
 
     Args:
         readings: of the whole session.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joint_size: displacement, in the joints' unit, that corresponds to 1 rad of a Delta.
 
     Returns:
         The moments, and the readings with the rejected ones counted.
 
     Raises:
-        DataError: nothing in the session stands still.
+        DataError: no pose at rest in the session.
     """
     label = _moments(readings, joint_size)
     long_enough = _accepted(readings, label)
@@ -81,8 +82,8 @@ def _moments(readings: Readings, joint_size: float) -> NDArray[np.intp]:
     moved = (steps > hold) | (commanded > _hold(commanded, _COMMANDED, joint_size))
     cut = np.r_[True, moved.any(axis=1) | (np.diff(time) > _BREAK)]
     edges = np.append(np.flatnonzero(cut), len(time))
-    # A slow sweep moves less than `hold` a step: cut again wherever it has left the place where it
-    # began.
+    # A slow sweep moves less than `hold` a step: cut again wherever it is farther than that from
+    # its start.
     for begin, end in pairwise(edges):
         while end - begin > 1:
             left = (np.abs(joint[begin:end] - joint[begin]) > hold).any(axis=1)
@@ -94,7 +95,7 @@ def _moments(readings: Readings, joint_size: float) -> NDArray[np.intp]:
 
 
 def _hold(steps: Array, least: float, joint_size: float) -> Array:
-    """How far each joint may wander and still be held, (m,) [rad]: the angles' noise decides."""
+    """Largest change of each joint that counts as held, (m,) [rad], by the noise of the angles."""
     if len(steps) == 0:
         return np.full(steps.shape[1], least * joint_size)
     share, quantile = _QUIET
@@ -105,7 +106,7 @@ def _hold(steps: Array, least: float, joint_size: float) -> Array:
 
 
 def _accepted(readings: Readings, label: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Which moments are poses, (moments,)."""
+    """Mask of the moments that are poses, (moments,)."""
     count = np.bincount(label)
     begin = np.full(len(count), np.inf)
     end = np.full(len(count), -np.inf)
@@ -120,7 +121,7 @@ def _accepted(readings: Readings, label: NDArray[np.intp]) -> NDArray[np.bool_]:
 def _set_aside(
     readings: Readings, label: NDArray[np.intp], accepted: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Outliers and readings before the platform had settled, two masks (n,)."""
+    """Masks (n,) of outliers and of readings before the platform had settled."""
     outlier = np.zeros(len(label), dtype=bool)
     settling = np.zeros(len(label), dtype=bool)
     moments = np.split(np.arange(len(label)), np.flatnonzero(np.diff(label)) + 1)
@@ -139,13 +140,13 @@ def _set_aside(
 
 
 def _from_rest(point: Array) -> Array:
-    """Distance of each reading of a moment from its rest: the median of the later half."""
+    """Distance of each reading from the moment's rest position, the median of its later half."""
     rest = np.median(point[len(point) // 2 :], axis=0)
     return np.asarray(np.linalg.norm(point - rest, axis=1))
 
 
 def _average(readings: Readings, label: NDArray[np.intp]) -> StillMoments:
-    """Mean of each moment."""
+    """Average the readings of each moment."""
     _, first, number, count = np.unique(
         label, return_index=True, return_inverse=True, return_counts=True
     )

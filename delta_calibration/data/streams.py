@@ -1,7 +1,7 @@
-"""What a session holds before anything is made of it: time-stamped streams, one per topic.
+"""Raw data of a session: time-stamped streams, one per topic.
 
-Stamps are the message headers' stamps (when the thing was true), not the times of arrival. A
-stream holds one row or more, all of finite numbers; what was not recorded is None in its session.
+Stamps are those of the message headers (time of measurement), not the times of arrival. A stream
+has one row or more, all of finite numbers; a stream that was not recorded is None in its session.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-# [ns] simulated sessions begin here, whatever the clock says: with the same seed the same file
+# [ns] fixed start of simulated sessions, so that the same seed gives the same file
 SIMULATED_NS = 1_700_000_000_000_000_000
 
 
@@ -40,7 +40,7 @@ class TrackerStream:
 
 @dataclass(frozen=True)
 class TemperatureStream:
-    """One sensor's temperature; `part` says what it is fixed to (`arm`, `base`, ...)."""
+    """Temperature by one sensor; `part` is what it is fixed to (`arm`, `base`, ...)."""
 
     part: str
     stamp_ns: Stamps  # (n,) [ns]
@@ -49,7 +49,7 @@ class TemperatureStream:
 
 @dataclass(frozen=True)
 class PayloadStream:
-    """What the platform carries; a value holds until the next one."""
+    """Payload on the platform; a value is valid until the next one."""
 
     stamp_ns: Stamps  # (n,) [ns]
     mass: Array  # (n,) [kg]
@@ -77,7 +77,7 @@ class Session:
     metadata: Mapping[str, str] = field(default_factory=dict)
 
     def between(self, begin_ns: int, end_ns: int) -> Session:
-        """What was true in a stretch of time; what is carried, as said before it as well."""
+        """The session between two stamps, ends included; the payload stream is kept whole."""
 
         def part(stream: Stream | None) -> Stream | None:
             if stream is None:

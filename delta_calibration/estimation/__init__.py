@@ -1,4 +1,4 @@
-"""From measured poses to what the machine really is."""
+"""Identification of a machine's parameters from measured poses."""
 
 from delta_calibration.estimation.carried import Carried, carried_rows
 from delta_calibration.estimation.cross_validation import Known, studentized

@@ -1,11 +1,11 @@
-"""What is known of a machine before it is measured: a Gaussian prior in the drawing's place.
+"""Gaussian prior of a machine from earlier sessions, in place of the drawing's tolerances.
 
 With mean m and covariance C = L L^T of the dimensions g and the effects' parameters v, the scaled
 unknowns of `problem.py` are
 
     (g, v) = m + L z,   z ~ N(0, 1)
 
-so that the prior's rows stay z itself. Tracker frame and reflector are as unknown as ever.
+so that the prior's rows stay z itself. The priors of tracker frame and reflector are unchanged.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Carried:
-    """What earlier sessions say of a machine's dimensions (p,) and effects' parameters (k,)."""
+    """Prior of a machine's dimensions (p,) and effects' parameters (k,) by earlier sessions."""
 
     effects: tuple[Effect, ...]  # in the chain
     mean: Array  # (p + k,) [m, rad, each its own unit]
     covariance: Array  # (p + k, p + k)
-    joint: Array  # (n, m) [rad or m] at which it was measured: the calibration holds there, too
-    sessions: tuple[str, ...] = ()  # that say it
+    joint: Array  # (n, m) [rad or m] where it was measured before: the calibration is valid there
+    sessions: tuple[str, ...] = ()  # those that it comes from
 
     @property
     def bare(self) -> Carried:
-        """The same of the dimensions alone."""
+        """This prior reduced to the dimensions, without effects."""
         count = len(self.mean) - sum(len(effect.parameters) for effect in self.effects)
         return replace(
             self,
@@ -45,10 +45,10 @@ class Carried:
         )
 
     def applied(self, problem: Problem) -> Problem:
-        """The problem with this prior of its dimensions and effects.
+        """Return the problem with this prior of its dimensions and effects.
 
         Args:
-            problem: of a chain with these effects.
+            problem: its chain has these effects.
         """
         rows = carried_rows(problem.layout)
         theta, basis = problem.theta0.copy(), problem.basis.copy()
@@ -60,5 +60,5 @@ class Carried:
 
 
 def carried_rows(layout: Layout) -> Index:
-    """Entries of theta that are the machine's own: dimensions, then effects, (p + k,)."""
+    """Indices into theta of the machine's own parameters: dimensions, then effects, (p + k,)."""
     return np.concatenate([entries(layout.geometry), entries(layout.effects)])

@@ -1,15 +1,15 @@
-"""A redundant mechanism's closures as what is measured: joints that have to fit some pose.
+"""Closure equations of a redundant mechanism as observations: joints must be consistent.
 
-With more closures r than coordinates k of the pose there is something to be missed whether
-anybody looked or not:
+With more closures r than coordinates k of the pose there is a misfit with and without a measured
+pose:
 
     pose known      f(q, x, g)                        r numbers
-    nobody looked   N^T f(q, x*, g), N^T f_x = 0      r - k, at the pose x* of least misfit
+    pose unknown    N^T f(q, x*, g), N^T f_x = 0      r - k, at the pose x* of least misfit
 
-N is an orthonormal basis of what no pose changes, so that no misfit is lost: |N^T f| = |f| at x*.
-It is the one nearest to a fixed basis, cosines over the closures, so that it turns smoothly with
-the pose and neighbours can be compared. The noise is one of the closures, alike in each and in
-their own unit; where it is one of encoders see `EncoderClosure` (`encoder_closures.py`).
+N is an orthonormal basis of the left null space of f_x, so no misfit is lost: |N^T f| = |f| at x*.
+Of all such bases it is the nearest to a fixed one, cosines over the closures, so that it changes
+smoothly with the pose and neighbours can be compared. The noise is that of the closures, equal in
+each and in their own unit; for encoder noise see `EncoderClosure` (`encoder_closures.py`).
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ClosureAtPose(Observation):
-    """Joints at a pose that somebody else measured in the robot's frame, and better than them.
+    """Joints at poses that were measured independently in the robot's frame, more accurately.
 
-    Leaves out the pose's own noise.
+    The noise of the measured poses is neglected.
     """
 
     kind: ClassVar[str] = "closure"
@@ -58,11 +58,11 @@ class ClosureAtPose(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(r,)."""
+        """Standard deviation of each closure, (r,)."""
         return np.full(self.size, self.noise)
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """Nothing less the misfit, (n, r)."""
+        """Residuals 0 - f, (n, r), and their slopes."""
         seen, g = standing(at, theta, guess)
         mechanism, q, x = at.chain.mechanism, seen.joint, self.pose
         by_joints = mechanism.closure_by_joints(q, x, g)
@@ -72,7 +72,7 @@ class ClosureAtPose(Observation):
 
 @dataclass(frozen=True)
 class ClosureWithoutPose(Observation):
-    """Joints at poses that nobody measured; the noise is one of what the closures say."""
+    """Joints at poses that were not measured; the noise is that of the closures."""
 
     kind: ClassVar[str] = "closure alone"
 
@@ -94,11 +94,11 @@ class ClosureWithoutPose(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(r - k,)."""
+        """Standard deviation of each number, (r - k,)."""
         return np.full(self.redundancy, self.noise)
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """Nothing less the misfit, (n, r - k); derivatives to first order in what is missed."""
+        """Residuals 0 - N^T f, (n, r - k); derivatives at zero misfit, without that of N."""
         seen, g = standing(at, theta, guess)
         mechanism, q, x = at.chain.mechanism, seen.joint, seen.x
         kept = self._kept(mechanism.closure_by_pose(q, x, g), x)
@@ -117,9 +117,10 @@ class ClosureWithoutPose(Observation):
 
 
 def spared(by_pose: Array) -> Array:
-    """N^T: what no pose changes of the closures, nearest to cosines.  (n, r, k) -> (n, r - k, r).
+    """N^T of the left null space of f_x, in the basis nearest to cosines.  -> (n, r - k, r).
 
-    Of all orthonormal bases N A the nearest to E is that with A the rotation in E^T N = U S V^T.
+    f_x is (n, r, k). Of all orthonormal bases N A, the one with A = V U^T is the nearest to the
+    cosines E, where E^T N = U S V^T (orthogonal Procrustes problem).
     """
     rows, size = by_pose.shape[1:]
     free = unmoved(by_pose)
@@ -130,5 +131,5 @@ def spared(by_pose: Array) -> Array:
 
 
 def unmoved(by_pose: Array) -> Array:
-    """N: what no pose changes of the closures, in any basis.  (n, r, k) -> (n, r, r - k)."""
+    """N: some basis of the left null space of f_x.  (n, r, k) -> (n, r, r - k)."""
     return np.linalg.qr(by_pose, mode="complete").Q[..., by_pose.shape[-1] :]

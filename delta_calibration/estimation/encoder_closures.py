@@ -1,19 +1,19 @@
-"""Nothing measured but the joints, by encoders with noise: a redundant mechanism that must close.
+"""Self-calibration of a redundant mechanism from its joint readings alone, with encoder noise.
 
-With more closures r than coordinates k of the pose, r - k combinations of them hold whatever the
-pose: N^T f = 0 with N, (r, r - k), the left null space of f_x. The joints q that were read are
-those of a machine that closes, q', and encoders' noise. The nearest such q' is
+With more closures r than coordinates k of the pose, r - k combinations of them hold at any pose:
+N^T f = 0 with N, (r, r - k), the left null space of f_x. The joints q that were read are joints q'
+at which the machine closes, plus encoder noise. The nearest q' is
 
     min |q' - q|   with   f(q', x, g) = 0   for some x
 
-and, with L L^T = N^T f_q f_q^T N and A = L^-1 N^T f_q, whose rows are orthonormal, all of q - q'
-lies in them: e = A (q - q'), as many numbers as there are to spare, of the encoders' own standard
-deviation, and de/dg = L^-1 N^T f_g. Cables have it (m > n), and encoders on passive joints.
+With L L^T = N^T f_q f_q^T N and A = L^-1 N^T f_q, whose rows are orthonormal, q - q' lies in their
+span. The residual is e = A (q - q'): r - k numbers with the standard deviation of the encoders,
+and de/dg = L^-1 N^T f_g. Cable robots (m > n) and encoders on passive joints give such data.
 
-`ClosureWithoutPose` (`closures.py`) weighs the same misfit otherwise: the parts between the joints
-have the noise, alike in every closure, and the joints none. The two agree where every joint enters
-its closure by the same slope, and only there: with drums of unequal gear an error of the encoder
-moves one cable farther than another.
+`ClosureWithoutPose` (`closures.py`) weights the same misfit differently: its noise is that of the
+closures, equal in each, and the joints have none. The two agree only if every joint enters its
+closure with the same slope: with drums of unequal gear ratio an encoder error moves one cable
+farther than another.
 """
 
 from __future__ import annotations
@@ -39,16 +39,16 @@ from delta_calibration.mechanisms import Mechanism
 Array = NDArray[np.float64]
 
 _STEPS = 10
-_SETTLED = 1e-9  # a last step so small beside what is missed is none
+_SETTLED = 1e-9  # last step over the residual, or the noise, at which the iteration has converged
 
 
 @dataclass(frozen=True)
 class EncoderClosure(Observation):
-    """The joints of a redundant mechanism, which a pose has to fit within their encoders' noise.
+    """Joint readings of a redundant mechanism, which must close within the encoders' noise.
 
-    Says nothing of where the machine stands, how it is turned and, where only lengths enter, how
-    large it is: a model and its copy at twice the size close alike. No device, no frame; what does
-    not show stays with its prior (`MixedFit.unset` where there is none).
+    They do not determine the machine's position and orientation nor, if only lengths enter, its
+    size: a model and its copy of twice the size close equally. No device, no frame; unidentifiable
+    parameters keep their priors (without any, they are in `MixedFit.unset`).
     """
 
     kind: ClassVar[str] = "none"
@@ -63,10 +63,10 @@ class EncoderClosure(Observation):
 
     @classmethod
     def of(cls, mechanism: Mechanism, joint: Array, noise: float) -> EncoderClosure:
-        """Of joints (n, m) [rad, m] of a redundant mechanism.
+        """Build it from joints (n, m) [rad, m] of a redundant mechanism.
 
         Raises:
-            InputError: not redundant, or closures that its joints do not enter.
+            InputError: the mechanism is not redundant, or its joints do not enter all closures.
         """
         home, g = mechanism.home[None], mechanism.parameters.nominal
         x = mechanism.start(home, g)
@@ -88,11 +88,11 @@ class EncoderClosure(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(r - k,) [rad, m]."""
+        """Standard deviation of each number of e, (r - k,) [rad, m]."""
         return np.full(self.redundancy, self.noise)
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """Nothing less e, (n, r - k) [rad, m]; NaN rows out of reach."""
+        """Residuals 0 - e, (n, r - k) [rad, m], and their slopes; NaN rows out of reach."""
         seen, g = standing(at, theta, guess)
         mechanism = at.chain.mechanism
         e, q, x, white = self._closed(mechanism, seen.joint, g)
@@ -106,7 +106,7 @@ class EncoderClosure(Observation):
     ) -> tuple[Array, Array, Array, Array]:
         """e, (n, r - k); q', (n, m); x, (n, k); and L^-1 N^T there, (n, r - k, r).
 
-        Newton's method on q', each step the nearest joints that close to first order.
+        Newton's method on q': each step takes the nearest joints that close to first order.
         """
         q = read
         for _ in range(_STEPS):

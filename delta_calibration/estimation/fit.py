@@ -1,4 +1,4 @@
-"""Identify what a machine really is from measured poses."""
+"""Identify the parameters of a machine from measured poses."""
 
 from __future__ import annotations
 
@@ -36,45 +36,45 @@ from delta_calibration.uncertainty import Uncertainty
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_FEWEST = 12  # different places; a model of two dozen parameters from fewer is guessing
-_FEWEST_OF_MANY = 6  # the same where the machines of its type say what to expect
-FEWEST_CARRIED = 5  # where the machine is known: they place the tracker and show a change
-PRIOR_HISTORY, PRIOR_POPULATION = "history", "population"  # by what a fit was told beforehand
+_FEWEST = 12  # different places; fewer cannot determine a model of two dozen parameters
+_FEWEST_OF_MANY = 6  # different places, with a population prior
+FEWEST_CARRIED = 5  # places of a known machine: they fix the tracker frame and show a change
+PRIOR_HISTORY, PRIOR_POPULATION = "history", "population"  # origin of a fit's prior
 _FOLDS = 5
-_LOOSE = 1.0  # [m] by which parts within their tolerances never move a platform that is held
-_ANOTHER_ROBOT = 4.0  # times what the tolerances explain is no manufacturing error any more
+_LOOSE = 1.0  # [m] motion of the platform by tolerances, from which a pose counts as singular
+_ANOTHER_ROBOT = 4.0  # residual over what tolerances explain: too large for manufacturing errors
 _LEAST_SQUARES = LeastSquares()
-_RMS_OF_MEDIAN = 1.126  # of the norms of three standard normal numbers
+_RMS_OF_MEDIAN = 1.126  # RMS over median of the norm of three standard normal numbers
 
 
 @dataclass(frozen=True)
 class Residuals:
     """Root mean square and largest 3-D distance between measured and predicted poses [m].
 
-    Of the poses that the fit counts, each as much as any other. What is held out here is the
-    *error left* of all outputs: places in five parts by lot, each predicted by a fit to the other
-    four, so that most lie between places that the fit has seen.
+    Over the poses that the fit does not reject, with equal weights. The held-out figures are the
+    *error left* of all outputs: the places are divided at random into five parts, each predicted
+    by a fit to the other four, so that most of them lie between places that the fit has seen.
     """
 
     in_sample: float
     held_out: float  # the error left
     held_out_max: float
-    held_out_whitened: float  # in units of the noise of each coordinate; 1 is as good as can be
+    held_out_whitened: float  # RMS in units of each coordinate's noise; 1 is the best possible
 
 
 @dataclass(frozen=True)
 class Effort:
-    """By which method a fit was made, and what it cost."""
+    """Method of a fit, its settings and the number of its evaluations."""
 
     method: str
-    # machines tried for the fit, without the fits that hold parts out; None where not counted
+    # evaluations of the fit, without those of the held-out fits; None if not counted
     evaluations: int | None = None
     settings: Mapping[str, int | str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Identification:
-    """A fitted chain with everything one needs to judge it."""
+    """Result of a fit: the identified chain and the figures needed to assess it."""
 
     chain: Chain
     theta: Array  # (P,)
@@ -84,25 +84,25 @@ class Identification:
     correlations: tuple[tuple[str, str, float], ...]
     frame_only: Residuals
     full: Residuals
-    frame_only_theta: Array  # (P,) nominal geometry where it fits best: see `registration.py`
+    frame_only_theta: Array  # (P,) nominal geometry in its best-fit frame: `registration.py`
     weight: Array  # (n,) of each pose under the robust loss
     chi_square: float  # per degree of freedom, of the whitened residuals
     region: Region
     region_joints: tuple[Array, Array]  # lowest and highest joint angles measured, (m,) [rad]
     seed: int
     effort: Effort
-    # held out, (n, 3) [m] measured less predicted in the tracker's frame; NaN of poses that do not
-    # count
+    # held-out residuals, (n, 3) [m] measured less predicted in the tracker's frame; NaN for
+    # rejected poses
     missed_before: Array
     missed: Array
-    uncertainty: Uncertainty  # what makes positions uncertain
-    # RMS of the turn that is left [rad], about three axes; None: turns took no part
+    uncertainty: Uncertainty  # of predicted positions
+    # RMS angle of the orientation residual [rad]; None: orientations were not fitted
     turn_missed: float | None = None
     unseen_motion: float = 0.0  # [m] see Poses.unseen_motion
 
     @property
     def parameters(self) -> ParameterSet:
-        """Of the chain."""
+        """Parameters of the chain."""
         return self.chain.parameters
 
     @property
@@ -112,20 +112,20 @@ class Identification:
 
     @property
     def frame(self) -> Frame:
-        """`T_tracker_base` as fitted with the geometry."""
+        """`T_tracker_base`, fitted together with the geometry."""
         return self.chain.split(self.theta)[2]
 
 
 def chain_of(robot: Robot, model: str | None = None) -> Chain:
-    """The chain of a robot's cell, with the mechanism of its file or another one."""
+    """Return the chain of a robot's cell, with the mechanism of its file or another one."""
     tracker = robot.tracker
     return Chain(robot.model(model), tracker.reflector_offset, tracker.reflector_offset_prior)
 
 
 def most_evaluations(method: Method, robot: Robot, model: str | None = None) -> int:
-    """What `identify` tells its watch of at most, with the fits that hold parts out."""
+    """Largest number of evaluations `identify` reports to `watch`, held-out fits included."""
     layout = chain_of(robot, model).layout
-    if robot.tracker.turn is not None:  # where turns take part
+    if robot.tracker.turn is not None:  # if orientations are fitted
         layout = layout.mounted
     return (1 + _FOLDS) * method.most(layout.size)
 
@@ -141,27 +141,27 @@ def identify(
     carried: Carried | None = None,
     population: Population | None = None,
 ) -> Identification:
-    """Fit geometry (by priors, MAP), reflector offset and tracker frame to measured poses.
+    """Fit geometry (with priors: MAP), reflector offset and tracker frame to measured poses.
 
-    To positions; to turns as well where the session has them, the robot's file says how sure they
-    are and the model's platform turns. What is held out is judged by positions.
+    Orientations are fitted as well if the session has them, the robot file states their noise and
+    the model's platform rotates. Held-out errors are those of positions.
 
     Args:
-        poses: what was measured.
+        poses: the measured poses.
         robot: drawing, priors, tracker.
-        model: name of a mechanism; the robot file's own where not given.
-        seed: of the division into held-out parts, and of what a method leaves to chance.
-        method: how the problem is solved.
-        watch: is told of a slow method's evaluations while they are made.
-        carried: what earlier sessions say of the machine, in the place of its tolerances; its
-            effects are fitted, too.
-        population: of the machines of this type, in the place of the tolerances; the effects that
+        model: name of a mechanism; by default that of the robot file.
+        seed: of the division into held-out parts, and of a method's random numbers.
+        method: solver of the estimation problem.
+        watch: called with the number of new evaluations while a slow method runs.
+        carried: prior of the machine by earlier sessions, in place of its tolerances; its effects
+            are fitted, too.
+        population: prior by machines of this type, in place of the tolerances; the effects that
             most of them have are fitted, too.
 
     Raises:
         DataError: too few different poses, poses out of the nominal robot's reach or at a
             singularity, residuals that no manufacturing error explains (another robot), or a
-            method that finds no rest.
+            method that does not converge.
     """
     require_poses(poses, _fewest(carried, population))
     chain = chain_of(robot, model)
@@ -179,7 +179,7 @@ def identify(
     if population is not None:
         plain = solve(problem)
         problem = carried_by(plain, population).applied(drawn)
-        near = problem.unknowns(plain.theta)  # where what is left tells the noise, not the prior
+        near = problem.unknowns(plain.theta)  # start: its residuals show the noise, not the prior
     prior = told_by(carried, population)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
@@ -241,14 +241,14 @@ def identify(
 def told_by(
     carried: Carried | None = None, population: Population | None = None
 ) -> dict[str, int | str]:
-    """What a fit was told beforehand: it is no evidence beside that, or about a population."""
+    """Settings entry that names a fit's prior: such a fit is no independent evidence of it."""
     if carried is not None:
         return {"prior": PRIOR_HISTORY}
     return {} if population is None else {"prior": PRIOR_POPULATION}
 
 
 def _fewest(carried: Carried | None, population: Population | None) -> int:
-    """Different places that a fit needs, by what is known of the machine beforehand."""
+    """Least number of different places for a fit, by the kind of its prior."""
     if carried is not None:
         return FEWEST_CARRIED
     return _FEWEST if population is None else _FEWEST_OF_MANY
@@ -263,18 +263,18 @@ def _turn_missed(full: Solution) -> float | None:
 def prepare(
     poses: Poses, robot: Robot, chain: Chain, explained: Array | float = 0.0
 ) -> tuple[Array, Noise, Problem]:
-    """Nominal chain in the best frame, the noise, and the whitened problem with all free.
+    """Return theta of the nominal chain in its best frame, the noise and the whitened problem.
 
     Args:
-        poses: what was measured.
+        poses: the measured poses.
         robot: drawing, tracker, repeatability.
-        chain: of the drawing.
-        explained: what known causes do to each pose and is no noise between its repeats, (n, 3)
-            [m] in the tracker's frame.
+        chain: nominal.
+        explained: displacement of each pose by known causes, which is no noise between its
+            repeats, (n, 3) [m] in the tracker's frame.
 
     Raises:
-        DataError: a pose that the nominal robot cannot take or does not hold, or poses on one
-            line.
+        DataError: a pose that the nominal robot cannot reach or at which it is singular, or poses
+            on one line.
     """
     nominal = chain.mechanism.parameters.nominal
     x = chain.mechanism.forward(poses.joint, nominal)
@@ -307,10 +307,10 @@ def _missed_by(solution: Solution) -> Array:
 
 
 def _require_held(chain: Chain, poses: Poses, x: Array) -> None:
-    """Refuse poses of the nominal robot at which the platform is free to move.
+    """Refuse poses at which the nominal robot's platform is free to move (parallel singularity).
 
-    There no error of a part has a definite effect. Where it is a joint that has lost its effect
-    (a stretched arm) there is one.
+    There the effect of a geometric error is undefined. At serial singularities, where a joint has
+    no effect (a stretched arm), it is defined.
     """
     mechanism = chain.mechanism
     parameters = mechanism.parameters
@@ -330,7 +330,7 @@ def _nominal_but_frame(chain: Chain, theta: Array) -> tuple[Array, Array, Frame]
 
 
 def parts_of(poses: Poses, seed: int) -> Index:
-    """Which part each pose is held out with, (n,): all poses of a place together, by lot."""
+    """Random held-out part of each pose, (n,); all poses of a place are in the same part."""
     places = np.unique(poses.place)
     part = np.random.default_rng(seed).permutation(len(places)) % min(_FOLDS, len(places))
     return np.asarray(part[np.searchsorted(places, poses.place)])
@@ -343,7 +343,7 @@ def _held_out(
     rng: np.random.Generator,
     watch: Watch,
 ) -> Array:
-    """Measured less predicted by a fit to the other parts, (n, 3) [m]."""
+    """Held-out residuals: measured less predicted by a fit to the other parts, (n, 3) [m]."""
     problem = solution.problem
     missed = np.zeros_like(problem.y)
     for part in np.unique(folds):
@@ -357,22 +357,22 @@ def _held_out(
 
 
 def only(values: Array, counted: NDArray[np.bool_]) -> Array:
-    """Rows (n, k) of the poses that count, NaN of the others."""
+    """Rows (n, k) of the accepted poses, NaN for the others."""
     return np.where(counted[:, None], values, np.nan)
 
 
 def _residuals(solution: Solution, missed: Array, counted: NDArray[np.bool_]) -> Residuals:
-    whiten = solution.problem.whiten[counted, :3, :3]  # Cholesky's: of the position alone
+    whiten = solution.problem.whiten[counted, :3, :3]  # triangular: the position's own
     return residuals_of(distances(solution)[counted], missed[counted], whiten)
 
 
 def residuals_of(in_sample: Array, missed: Array, whiten: Array) -> Residuals:
-    """The figures of the poses that count.
+    """Compute the residual figures of the accepted poses.
 
     Args:
-        in_sample: 3-D distance by the fit to all, (n,) [m].
-        missed: measured less predicted by the fit that has not seen the place, (n, 3) [m].
-        whiten: (n, 3, 3) [1/m].
+        in_sample: 3-D distance to the prediction by the fit to all poses, (n,) [m].
+        missed: held-out residuals, measured less predicted, (n, 3) [m].
+        whiten: whitening matrices, (n, 3, 3) [1/m].
     """
     distance = np.linalg.norm(missed, axis=1)
     whitened = (whiten @ missed[..., None])[..., 0]
@@ -385,23 +385,23 @@ def residuals_of(in_sample: Array, missed: Array, whiten: Array) -> Residuals:
 
 
 def _known(solution: Solution) -> Known:
-    """What data and priors know of the unknowns that are free, poses by their weight."""
+    """Information of data and priors about the free unknowns, each pose with its weight."""
     slope, residual = _weighed(solution)
     flat = slope.reshape(-1, slope.shape[-1])
     return Known(flat.T @ flat, flat.T @ residual.reshape(-1), solution.problem.expected)
 
 
 def _weighed(solution: Solution) -> tuple[Array, Array]:
-    """Whitened slope (n, d, F) and residuals at z = 0 (n, d), times the root of the weight."""
+    """Whitened Jacobian (n, d, F) and residuals at z = 0 (n, d), times the root of the weight."""
     root = np.sqrt(solution.weight)[:, None]
     slope = root[..., None] * solution.at.slope
     return slope, root * solution.residual + slope @ solution.z
 
 
 def _chi_squares(solution: Solution, place: Index, used: float) -> tuple[float, float]:
-    """Per degree of freedom, of all poses and of the places' means.
+    """Chi square per degree of freedom: of all poses, and of the means of the places.
 
-    What a model lacks is the same at every visit of a place; a play, to either side, cancels.
+    A model error is the same at every visit of a place; backlash to either side cancels.
     """
     weight, width = solution.weight, solution.residual.shape[1]
     residual = weight[:, None] * solution.residual
@@ -415,7 +415,7 @@ def _chi_squares(solution: Solution, place: Index, used: float) -> tuple[float, 
 
 
 def _missed(solution: Solution, known: Known, place: Index) -> Missed:
-    """What every pose was missed by, as if the fit had taken up nothing of it."""
+    """Studentized residuals of all poses: as large as if the fit had absorbed none of them."""
     problem, counted = solution.problem, solution.weight > 0
     slope, residual = _weighed(solution)
     root = np.sqrt(np.where(counted, solution.weight, 1.0))
@@ -425,15 +425,15 @@ def _missed(solution: Solution, known: Known, place: Index) -> Missed:
 
 
 def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
-    """Refuse residuals many times what parts within their tolerances can do.
+    """Refuse residuals that are many times larger than the tolerances explain.
 
-    By the median of either, as one reading of another reflector is not another robot, and what
-    parts can do near one singularity is not what they do. Where the reflector is put and how the
-    tracker stands is no part of the robot, and no reason to expect more of its parts.
+    The medians of both are compared: one reading of another reflector does not make another
+    robot, and tolerances have an untypical effect near a singularity. Reflector offset and tracker
+    frame are not parts of the robot and do not count among what its tolerances explain.
 
     Args:
-        problem: with everything free and the drawing's priors.
-        poses: what was measured.
+        problem: with all parameters free and the drawing's priors.
+        poses: the measured poses.
         robot: drawing and tolerances.
 
     Raises:
@@ -442,7 +442,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     layout = problem.layout
     geometry = layout.geometry
     solution = solve(problem.only(~layout.mask(geometry, layout.effects)), robust=False)
-    # about the drawing: a reflector that was sent far off would magnify what parts can do
+    # at the nominal machine: a badly fitted reflector offset would magnify the tolerances' effect
     slope = problem.chain.jacobian(problem.at, problem.theta0[layout.chain])[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))

@@ -1,4 +1,4 @@
-"""Places in the image of a camera that stands beside the machine (paper 003 measures so)."""
+"""Image points of a mark, from a camera that stands beside the machine (as in paper 003)."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class PointInImage(Observation):
-    """Where a mark on the platform falls in a camera's image.
+    """Image point of a mark on the platform, by a camera.
 
-    Where the camera stands is an unknown of the fit, or given as `place`, `T_camera_base`. An
-    image has no scale: a machine twice as large, seen from twice as far, looks the same. Where
-    the camera's place is unknown lengths come from the priors, or from another observation.
+    The camera's pose is an unknown of the fit, or given as `place`, `T_camera_base`. An image has
+    no scale: a machine twice as large, seen from twice as far, looks the same. If the camera's
+    pose is unknown, the scale comes from the priors or from another observation.
     """
 
     kind: ClassVar[str] = "image"
@@ -37,7 +37,7 @@ class PointInImage(Observation):
     offset: Array  # (3,) [m] of the mark in the platform
     camera: Camera
     noise: float  # [px] each coordinate
-    place: Frame | None = None  # T_camera_base where it is known
+    place: Frame | None = None  # T_camera_base if it is known
 
     def __post_init__(self) -> None:
         """Refuse arrays that do not fit together."""
@@ -45,16 +45,16 @@ class PointInImage(Observation):
 
     @property
     def device(self) -> str:
-        """The camera, unless its place is given."""
+        """The camera, unless its pose is given."""
         return "camera" if self.place is None else ""
 
     @property
     def sigma(self) -> Array:
-        """(2,) [px]."""
+        """Standard deviation of each image coordinate, (2,) [px]."""
         return np.full(2, self.noise)
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 2) [px]; NaN rows out of reach or behind the camera."""
+        """Residuals (n, 2) [px] and their slopes; NaN rows out of reach or behind the camera."""
         seen = point_seen(at, theta, self.offset, self.place, guess)
         missed = np.asarray(self.pixel - self.camera.image(seen.reading))
         by_point = self.camera.image_by_point(seen.reading)

@@ -1,10 +1,10 @@
-"""What can be measured of a mechanism: each kind says what it misses and how that moves.
+"""Kinds of measurement of a mechanism: each gives its residuals and their Jacobian.
 
-A kind is asked about a machine theta under the conditions of its samples, and answers with what
-was measured less what the chain predicts, and with how the prediction goes with every entry of
-theta and with the joints. All places come from the one chain of measurement (`chain.py`), with the
-effects that are in it; a kind adds how it looks at them. Metres, radians or pixels. Cameras are in
-`image.py`, closures of a redundant mechanism in `closures.py` and `encoder_closures.py`.
+For a machine theta under the conditions of its samples, a kind returns the residuals (measured
+less predicted) and the derivatives of the prediction by every entry of theta and by the joints.
+All positions come from the same measurement chain (`chain.py`) with its effects; a kind only adds
+its measurement equation. Metres, radians or pixels. Cameras are in `image.py`, closures of a
+redundant mechanism in `closures.py` and `encoder_closures.py`.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ Own = TypeVar("Own", bound="Observation")
 
 @dataclass(frozen=True)
 class PlacedMachine:
-    """A mechanism as built, and as placed before the device that measures it."""
+    """A mechanism with its actual geometry, and its frame relative to the measuring device."""
 
     chain: Chain
     theta: Array  # (P,)
 
     @classmethod
     def of(cls, mechanism: Mechanism, geometry: Array, frame: Frame) -> PlacedMachine:
-        """With dimensions (p,) and `T_device_base`, and no reflector on its platform."""
+        """Build it from dimensions (p,) and `T_device_base`, with no reflector on the platform."""
         chain = bare_chain(mechanism)
         return cls(chain, chain.join(geometry, np.zeros(3), frame))
 
@@ -56,20 +56,20 @@ class PlacedMachine:
         return self.chain.split(self.theta)[2]
 
     def poses(self, joint: Array) -> Array:
-        """Of the platform in the base at joints (n, m), (n, k); NaN rows out of reach."""
+        """Platform poses (n, k) in the base at joints (n, m); NaN rows out of reach."""
         return self.chain.pose(at_rest(joint), self.theta)
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Measurements about one machine."""
+    """Measurements linearized about one machine."""
 
     pose: Array  # (n, k) of the platform; NaN rows out of reach
     missed: Array  # (n, d) measured less predicted [m, rad, px]
     by_theta: Array  # (n, d, P) d(predicted)/d(theta)
-    by_joints: Array  # (n, d, m) by the joints behind the drives
-    at: Conditions  # with readings as the chain has them before its last stage
-    # (n, m) joints behind the drives and (n, p) dimensions under the conditions, where it is known
+    by_joints: Array  # (n, d, m) d(predicted)/d(joints behind the drives)
+    at: Conditions  # with the readings that the chain predicts before its last stage
+    # (n, m) joints behind the drives and (n, p) dimensions under the conditions, if known
     stood: tuple[Array, Array] | None = None
 
 
@@ -77,18 +77,18 @@ class Observation(ABC):
     """Base of all kinds: n measurements of d numbers each."""
 
     kind: ClassVar[str]
-    each: ClassVar[tuple[str, ...]] = ("joint",)  # fields with a row a measurement
+    each: ClassVar[tuple[str, ...]] = ("joint",)  # fields with one row for each measurement
 
     joint: Array  # (n, m)
 
     @property
     def device(self) -> str:
-        """What measures, where it matters how that stands before the base; else nothing."""
+        """Name of the measuring device if its pose in the base is an unknown; else empty."""
         return ""
 
     @property
     def turns(self) -> bool:
-        """Whether it matters, too, how that is turned."""
+        """Whether the measurements depend on the device's orientation, too."""
         return True
 
     @property
@@ -98,16 +98,16 @@ class Observation(ABC):
 
     @abstractmethod
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """What is missed of a machine, and how that goes with it.
+        """Return the residuals about a machine and their derivatives.
 
         Args:
             at: the chain under the conditions of the n measurements.
-            theta: (P,) of the chain, with a probe's mount where the fit has one.
-            guess: the platform's poses, nearly, (n, k).
+            theta: (P,) of the chain, with a probe's mount if the fit has one.
+            guess: approximate poses of the platform, (n, k).
         """
 
     def joints(self) -> tuple[Array, ...]:
-        """Every set of joints that it was taken at, each (n, m)."""
+        """All sets of joints of the measurements, each (n, m)."""
         return (self.joint,)
 
     def missed(self, machine: PlacedMachine) -> Array:
@@ -130,14 +130,14 @@ class Observation(ABC):
 
 @dataclass(frozen=True)
 class Measured:
-    """Observations of one kind, what held while each was taken, and how much each counts."""
+    """Observations of one kind, with the conditions and the whitening of each."""
 
     observation: Observation
-    at: Conditions  # (n) joints are the observation's
-    timed: bool = True  # whether the times are a clock's, or stand for an order
-    given: Array | None = None  # (n, d, d) whitening, where it is not the observation's own
-    # (n,) number of the motion that each was taken in, where none was at rest, and the standard
-    # deviation of where the joints came to rest before it [rad or m]: an error that a motion keeps
+    at: Conditions  # (n) with the joints of the observation
+    timed: bool = True  # whether the times are clock times, not only an order
+    given: Array | None = None  # (n, d, d) whitening that replaces the observation's
+    # (n,) number of the motion in which each was taken, if none was at rest, and the standard
+    # deviation of the joints' rest error before it [rad or m], which is constant in one motion
     path: NDArray[np.int64] | None = None
     repeatability: float = 0.0
 
@@ -153,14 +153,14 @@ class Measured:
 
     @cached_property
     def whiten(self) -> Array:
-        """(n, d, d) [1/m, 1/rad, 1/px]."""
+        """Whitening matrices, (n, d, d) [1/m, 1/rad, 1/px]."""
         if self.given is not None:
             return self.given
         root = np.diag(1 / self.observation.sigma)
         return np.broadcast_to(root, (len(self.at), *root.shape)).copy()
 
     def take(self, rows: NDArray[Any]) -> Measured:
-        """Some of them."""
+        """Some of the observations."""
         given = None if self.given is None else self.given[rows]
         path = None if self.path is None else self.path[rows]
         at, observation = self.at.take(rows), self.observation.take(rows)
@@ -169,7 +169,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class PointMeasured(Observation):
-    """A reflector's position by a tracker."""
+    """Position of a reflector, measured by a tracker."""
 
     kind: ClassVar[str] = "position"
     each: ClassVar[tuple[str, ...]] = ("joint", "point")
@@ -191,11 +191,11 @@ class PointMeasured(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(3,) [m]."""
+        """Standard deviation of each coordinate, (3,) [m]."""
         return np.full(3, self.noise)
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 3) [m]."""
+        """Residuals (n, 3) [m] and their derivatives."""
         seen = point_seen(at, theta, self.offset, None, guess, read=True)
         by_theta = _mounted(seen.jacobian, _layout(at.chain, theta))
         read = read_at(at.at, seen)
@@ -206,13 +206,13 @@ class PointMeasured(Observation):
 
 @dataclass(frozen=True)
 class PoseMeasured(PointMeasured):
-    """A probe's position and turn by a tracker of six degrees of freedom.
+    """Position and orientation of a probe, measured by a tracker with six degrees of freedom.
 
         R_measured = exp([e]x) R_T R(x) R(m)
 
-    R_T: the tracker's frame; R(x): the platform's turn; m: how the probe is mounted on the
-    platform, three more unknowns, or none, where theta is of the chain alone.
-    e is what is missed, in axes of the tracker.
+    R_T: the tracker's frame; R(x): the platform's rotation; m: the probe's mounting rotation on
+    the platform, three more unknowns, or zero if theta is that of the chain alone.
+    e is the residual, in the axes of the tracker.
     """
 
     kind: ClassVar[str] = "pose"
@@ -228,11 +228,11 @@ class PoseMeasured(PointMeasured):
 
     @property
     def sigma(self) -> Array:
-        """(6,) [m, rad]."""
+        """Standard deviation of each number, (6,) [m, rad]."""
         return np.append(super().sigma, np.full(3, self.turn_noise))
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 6) [m, rad]; derivatives of the turn to first order in what is missed of it."""
+        """Residuals (n, 6) [m, rad]; the rotation's derivatives are those at zero residual."""
         point = super().linearized(at, theta, guess)
         chain, layout, x = at.chain, _layout(at.chain, theta), point.pose
         turned = at.see(theta[layout.chain], x, "poses")
@@ -257,9 +257,9 @@ class PoseMeasured(PointMeasured):
 
 @dataclass(frozen=True)
 class HeightAtContact(Observation):
-    """How high over the bed, the base's plane z = 0, the platform stands when its probe touches.
+    """Height of the platform over the bed (the base's plane z = 0) when its probe touches.
 
-    Heights alone say nothing of a turn about z or a shift along the bed.
+    Heights alone do not determine a rotation about z or a shift along the bed.
     """
 
     kind: ClassVar[str] = "height"
@@ -275,11 +275,11 @@ class HeightAtContact(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(1,) [m]."""
+        """Standard deviation, (1,) [m]."""
         return np.array([self.noise])
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 1) [m]."""
+        """Residuals (n, 1) [m] and their derivatives."""
         seen = centre_seen(at, theta, guess)
         missed = np.asarray(self.height - seen.reading[:, 2])[:, None]
         slope = _mounted(seen.jacobian[:, 2:], _layout(at.chain, theta))
@@ -288,10 +288,10 @@ class HeightAtContact(Observation):
 
 @dataclass(frozen=True)
 class RadiusMeasured(Observation):
-    """How long a telescoping ballbar is, between a ball on the platform and one on the table.
+    """Length of a telescoping ballbar between a ball on the platform and one on the table.
 
-    Where the ball on the table stands is not known: it is the origin of the device's frame, whose
-    turn does not show.
+    The position of the ball on the table is unknown: it is the origin of the device's frame, whose
+    orientation has no effect.
     """
 
     kind: ClassVar[str] = "radius"
@@ -313,16 +313,16 @@ class RadiusMeasured(Observation):
 
     @property
     def turns(self) -> bool:
-        """A length is the same from everywhere."""
+        """False: a length does not depend on the device's orientation."""
         return False
 
     @property
     def sigma(self) -> Array:
-        """(1,) [m]."""
+        """Standard deviation, (1,) [m]."""
         return np.array([self.noise])
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 1) [m]."""
+        """Residuals (n, 1) [m] and their derivatives."""
         seen = point_seen(at, theta, self.offset, None, guess)
         length = np.linalg.norm(seen.reading, axis=1)
         along = (seen.reading / length[:, None])[:, None, :]
@@ -335,13 +335,13 @@ class RadiusMeasured(Observation):
 
 @dataclass(frozen=True)
 class DistanceBetween(Observation):
-    """Distance of two places of the platform's centre, by a caliper or a scale bar."""
+    """Distance between two positions of the platform's centre, by a caliper or a scale bar."""
 
     kind: ClassVar[str] = "distance"
     each: ClassVar[tuple[str, ...]] = ("joint", "other", "distance")
 
-    joint: Array  # (n, m) at the one place
-    other: Array  # (n, m) at the other
+    joint: Array  # (n, m) at the first position
+    other: Array  # (n, m) at the second position
     distance: Array  # (n,) [m]
     noise: float  # [m]
 
@@ -351,11 +351,11 @@ class DistanceBetween(Observation):
 
     @property
     def sigma(self) -> Array:
-        """(1,) [m]."""
+        """Standard deviation, (1,) [m]."""
         return np.array([self.noise])
 
     def linearized(self, at: Predictor, theta: Array, guess: Array | None = None) -> Linear:
-        """(n, 1) [m]; the poses and the joints' slopes are those of the one place."""
+        """Residuals (n, 1) [m]; poses and joint derivatives are those of the first position."""
         seen = centre_seen(at, theta, guess)
         there = centre_seen(at.chain.predictor(replace(at.at, joint=self.other)), theta)
         between = there.reading - seen.reading
@@ -366,17 +366,17 @@ class DistanceBetween(Observation):
         return Linear(seen.x, missed, slope, -along @ seen.by_joints, at.at)
 
     def joints(self) -> tuple[Array, ...]:
-        """Both places'."""
+        """Joints of both positions."""
         return self.joint, self.other
 
 
 def bare_chain(mechanism: Mechanism) -> Chain:
-    """The chain of a mechanism without a reflector of its own and without effects."""
+    """Return the chain of a mechanism with no reflector offset and no effects."""
     return Chain(mechanism, np.zeros(3), 1.0)
 
 
 def centre_seen(at: Predictor, theta: Array, guess: Array | None = None) -> Seen:
-    """The platform's centre in the base, see `point_seen`."""
+    """Predict the platform's centre in the base, see `point_seen`."""
     return point_seen(at, theta, np.zeros(3), Frame.identity(), guess)
 
 
@@ -388,18 +388,18 @@ def point_seen(
     guess: Array | None = None,
     read: bool = False,
 ) -> Seen:
-    """A point fixed to the platform as the chain has it, in the frame of a device.
+    """Predict a point fixed to the platform, in the frame of a device.
 
     Args:
         at: the chain under the conditions of n samples.
-        theta: (P,) of the chain, a probe's mount in it or not.
-        offset: (3,) [m] of the point in the platform; theta's where not given.
-        place: `T_device_base`; theta's where not given.
-        guess: the platform's poses, nearly, (n, k).
-        read: whether a tracker reads it, on which the effects of the measurement act.
+        theta: (P,) of the chain, with or without a probe's mount.
+        offset: (3,) [m] of the point in the platform; that of theta if not given.
+        place: `T_device_base`; that of theta if not given.
+        guess: approximate poses of the platform, (n, k).
+        read: whether a tracker reads it, so that effects of base and measurement act on it.
 
     Returns:
-        Derivatives by what was given are zero.
+        The prediction; derivatives by `offset` and `place` are zero if these are given.
     """
     layout = at.chain.layout
     machine = theta[_layout(at.chain, theta).chain]
@@ -419,20 +419,20 @@ def point_seen(
 
 
 def standing(at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Seen, Array]:
-    """How the machine stands under the conditions, and its dimensions there, (p,) or (n, p)."""
+    """Poses and joints under the conditions, and the dimensions there, (p,) or (n, p)."""
     seen = at.see(theta[_layout(at.chain, theta).chain], guess, "nothing")
     shared = len(seen.geometry) == 1 != len(seen.x)
     return seen, seen.geometry[0] if shared else seen.geometry
 
 
 def through_closures(at: Predictor, theta: Array, by_joints: Array, by_geometry: Array) -> Array:
-    """d(closures)/d(theta), (n, d, P), of what goes by joints and dimensions, at a given pose.
+    """d(closures)/d(theta) at given poses, (n, d, P), through joints and dimensions.
 
     Args:
         at: the chain under the conditions of n samples.
         theta: (P,).
-        by_joints: (n, d, m) by the joints behind the drives.
-        by_geometry: (n, d, p) by the dimensions under the samples' conditions.
+        by_joints: (n, d, m) derivatives by the joints behind the drives.
+        by_geometry: (n, d, p) derivatives by the dimensions under the samples' conditions.
     """
     layout, chain = _layout(at.chain, theta), at.chain
     slope = np.zeros((*by_geometry.shape[:-1], len(theta)))
@@ -447,10 +447,10 @@ def through_closures(at: Predictor, theta: Array, by_joints: Array, by_geometry:
 
 
 def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:
-    """Refuse arrays of another shape, and numbers that are none.
+    """Refuse arrays of another shape, and numbers that are not finite.
 
     Raises:
-        InputError: names kind, array, shape found and shape needed.
+        InputError: names kind, array, shape found and shape needed, or the noise.
     """
     for name, shape in {"joint": observation.joint.shape, **shapes}.items():
         value = getattr(observation, name)
@@ -463,7 +463,7 @@ def require_shapes(observation: Observation, **shapes: tuple[int, ...]) -> None:
 
 
 def _of_readings(chain: Chain) -> list[slice]:
-    """Entries of the effects that act between the pose in the base and a tracker's readings."""
+    """Slices of theta for effects between the pose in the base and a tracker's readings."""
     parts = zip(chain.effects, chain.layout.each, strict=True)
     return [own for effect, own in parts if effect.on_readings]
 
@@ -471,7 +471,7 @@ def _of_readings(chain: Chain) -> list[slice]:
 def _add_turns_of_base(
     slope: Array, at: Predictor, theta: Array, layout: Layout, x: Array
 ) -> None:
-    """Add the base's turn by its effects' values to d(turn)/d(theta), (n, 3, P)."""
+    """Add the base's rotation by its effects to d(rotation)/d(theta), (n, 3, P), in place."""
     chain, machine = at.chain, theta[layout.chain]
     if not chain.of_base:
         return
@@ -487,7 +487,7 @@ def _layout(chain: Chain, theta: Array) -> Layout:
 
 
 def _mounted(by_chain: Array, layout: Layout) -> Array:
-    """With columns of zeros for the probe's mount, where theta has one."""
+    """Insert zero columns for the probe's mount, if theta has one."""
     if not layout.has_mount:
         return by_chain
     every = np.zeros((*by_chain.shape[:-1], layout.size))

@@ -1,6 +1,6 @@
-"""How a session's least-squares problem is solved: the interface, and least squares itself.
+"""Solvers of a session's estimation problem: their interface, and least squares.
 
-Other methods, those of the papers, are in `papers/`; none of them is needed here.
+The methods of the papers are in `papers/`; none of them is needed here.
 """
 
 from __future__ import annotations
@@ -19,20 +19,20 @@ Array = NDArray[np.float64]
 Watch = Callable[[int], object]
 """Is told how many evaluations were made since it was told last."""
 
-_GOOD_ENOUGH = 0.05  # of chi square, in fits that only predict what was held out
+_GOOD_ENOUGH = 0.05  # decrease of chi square to stop at, in fits that only predict held-out data
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a method came to rest, and what it cost."""
+    """Result of a method, and the number of its evaluations."""
 
     solution: Solution
-    # machines that were tried: by the chain in least squares, else by the error model
+    # of the chain in least squares, of the error model in other methods
     evaluations: int
 
 
 class Method(ABC):
-    """A way from a problem to its solution."""
+    """Base of all methods that solve an estimation problem."""
 
     name: str
 
@@ -47,31 +47,30 @@ class Method(ABC):
         """Solve the problem.
 
         Args:
-            problem: with all that may be wrong free.
-            rng: source of all chance.
-            watch: is told of evaluations while they are made.
-            near: a fit to these poses and others. What is asked for is then a prediction of the
-                others, and only a method that ends at the same place wherever it begins may begin
-                there.
+            problem: with all parameters that may be wrong free.
+            rng: generator of all random numbers.
+            watch: called with the number of new evaluations while the method runs.
+            near: a fit (F,) to these poses and to held-out ones, which the result is to predict.
+                Only a method whose result does not depend on its start may start there.
 
         Raises:
-            DataError: no rest, or a machine that cannot reach a pose.
+            DataError: no convergence, or a machine that cannot reach a pose.
         """
 
     def most(self, unknowns: int) -> int:
-        """Evaluations of a fit at most that `watch` hears of, 0 where it takes no time."""
+        """Largest number of evaluations that a fit reports to `watch`; 0 if it is fast."""
         del unknowns
         return 0
 
     @property
     def settings(self) -> Mapping[str, int | str]:
-        """What was chosen of it, for the record."""
+        """Settings of the method, for the record."""
         return {}
 
 
 @dataclass(frozen=True)
 class LeastSquares(Method):
-    """Levenberg-Marquardt on the chain."""
+    """Least squares by Levenberg-Marquardt on the chain."""
 
     name: str = "least_squares"
 
@@ -82,7 +81,7 @@ class LeastSquares(Method):
         watch: Watch,
         near: Array | None = None,
     ) -> Fit:
-        """See `Method.fit`; nothing is left to chance."""
+        """See `Method.fit`; uses no random numbers."""
         del rng, watch
         found = solve(problem, near, settled=SETTLED if near is None else _GOOD_ENOUGH)
         return Fit(found, found.evaluations)

@@ -3,8 +3,8 @@
     minimise  sum_kinds |missed / sigma|^2 + sum_prior ((g - g_0) / prior)^2
 
 over the geometry and, if any kind depends on it, the frame of the device: the problem of
-`problem.py` without a robust loss. What neither observations nor priors set is named and has no
-standard error; it stays near where it was drawn.
+`problem.py` without a robust loss. Unknowns that neither observations nor priors determine are
+named and have an infinite standard error; they stay near their nominal values.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from delta_calibration.theta import frame_names
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_SETTLED = 1e-12  # decrease of chi square under which the search stands still
-_RESTLESS = 1e-3  # decrease of chi square ahead, at the end, of a search that found no rest
-_NONE = 1e-8  # singular values under this share of the largest are none
-_PART = 1e-6  # of an unknown in a combination that does not show
-_SPARE = 1e-6  # degrees of freedom under which nothing is left to judge the noise by
-_PIVOT = 5e-3  # [m] that a ballbar's ball is expected to be off where it is meant to be
+_SETTLED = 1e-12  # decrease of chi square under which the search has converged
+_RESTLESS = 1e-3  # predicted further decrease of chi square: the search has not converged
+_NONE = 1e-8  # singular values under this share of the largest count as zero
+_PART = 1e-6  # squared share of an unknown in the null space, from which it is undetermined
+_SPARE = 1e-6  # degrees of freedom under which chi square cannot be computed
+_PIVOT = 5e-3  # [m] prior standard deviation of the position of a ballbar's ball
 FRAME_NAMES = frame_names("device")
 
 
 @dataclass(frozen=True)
 class MixedFit:
-    """A machine as measured, and how much of it the measurements say.
+    """Result of a fit: the machine, and how well the measurements determine it.
 
-    `told` counts the combinations of unknowns that the observations set, between none and all of
-    them: one that they leave as uncertain as its prior had it counts nothing.
+    `told` is the effective number of parameters, the combinations of unknowns that the
+    observations determine: one that they leave as uncertain as its prior counts 0.
     """
 
     machine: PlacedMachine
@@ -54,19 +54,19 @@ class MixedFit:
     covariance: Array  # (F, F) by noise and priors
     prior: Array  # (F,) inf where there is none or none was used
     observability: Observability  # of the observations alone
-    missed: tuple[Array, ...]  # of each observation, (n, d) [m, rad, px]
-    unset: tuple[str, ...]  # unknowns with a part that neither observations nor priors set
+    missed: tuple[Array, ...]  # residuals of each observation, (n, d) [m, rad, px]
+    unset: tuple[str, ...]  # unknowns that are not fully determined, even by priors
     told: float
-    chi_square: float  # per degree of freedom, of the stated noise; inf where none is left
+    chi_square: float  # per degree of freedom, by the stated noise; inf if there are none
 
     @property
     def std(self) -> Array:
-        """Standard errors, (F,); infinite for what is not set."""
+        """Standard errors, (F,); infinite for undetermined unknowns."""
         unset = np.isin(self.names, self.unset)
         return np.where(unset, np.inf, np.sqrt(np.diag(self.covariance)))
 
     def rms(self, observation: int, numbers: slice = slice(None)) -> float:
-        """Root mean square of the distance missed by an observation [m, rad, px]."""
+        """Root mean square length of an observation's residuals over `numbers` [m, rad, px]."""
         missed = self.missed[observation][:, numbers]
         return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
 
@@ -78,20 +78,20 @@ def fit_observations(
     free: Mask | None = None,
     priors: bool = True,
 ) -> MixedFit:
-    """Geometry and frame that all observations together ask for.
+    """Fit geometry and device frame to all observations together.
 
     Args:
         mechanism: drawing and priors.
         observations: any kinds, at least one.
         frame: `T_device_base` to start from; needed where a kind depends on it.
         free: which geometry parameters are fitted, (p,); all where not given.
-        priors: whether what is expected of the parts takes part.
+        priors: whether the priors of the parameters are used.
 
     Raises:
         InputError: no observation, no frame where one is needed, or two devices at unknown
             places.
-        DataError: fewer numbers than unknowns without priors, joints out of the nominal machine's
-            reach, points that its camera cannot see, or no rest.
+        DataError: without priors, fewer numbers than unknowns; joints out of the nominal machine's
+            reach, points behind the camera, or no convergence.
     """
     problem = problem_of([Measured(o, at_rest(o.joint)) for o in observations], mechanism, frame)
     if free is not None:
@@ -132,17 +132,17 @@ def problem_of(measured: Sequence[Measured], mechanism: Mechanism, frame: Frame 
     turns = any(m.observation.turns for m in measured)
     placed = [layout.frame if turns else layout.place] if devices else []
     free = layout.mask(layout.geometry, *placed)
-    if devices and not turns:  # across the plane of a circle its middle does not show
+    if devices and not turns:  # a circle does not determine its centre normal to its plane
         basis[layout.place, layout.place] = _PIVOT * np.eye(3)
         known[layout.place] = True
     return Problem(chain, tuple(measured), start, basis, known, free)
 
 
 def _judged(problem: Problem, solution: Solution) -> MixedFit:
-    """The fit, and what it is worth.
+    """Return the fit with its covariance, observability and chi square.
 
     Raises:
-        DataError: the search has not come to rest.
+        DataError: the search has not converged.
     """
     layout, free = problem.layout, problem.free
     names = np.array(problem.chain.parameters.names)
@@ -171,7 +171,7 @@ def _judged(problem: Problem, solution: Solution) -> MixedFit:
 
 
 def _spread(white: Array) -> tuple[Array, Mask]:
-    """Covariance (F, F) by whitened slopes, and which unknowns have a part that does not show."""
+    """Covariance (F, F) by the whitened Jacobian, and mask of the undetermined unknowns."""
     size = np.linalg.norm(white, axis=0)
     size[size == 0.0] = 1.0
     _, values, across = np.linalg.svd(white / size, full_matrices=False)
@@ -190,7 +190,7 @@ def _require_enough(problem: Problem) -> None:
 
 
 def _require_seen(problem: Problem) -> None:
-    """Refuse what cannot be predicted where the search starts: a point behind its camera."""
+    """Refuse what the start cannot predict: joints out of reach, a point behind its camera."""
     mechanism, nominal = problem.chain.mechanism, problem.chain.mechanism.parameters.nominal
     parts = zip(problem.measured, problem.about(problem.theta0), strict=True)
     for observation, linear in ((m.observation, linear) for m, linear in parts):

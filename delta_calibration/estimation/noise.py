@@ -1,12 +1,13 @@
-"""How far a measured pose may lie from the truth: tracker noise and the robot's repeatability.
+"""Noise of a measured pose: that of the tracker and the robot's repeatability.
 
 A pose is the mean of `count` readings, taken after one move. Its covariance in the tracker's frame
 is
 
     C = (s_r^2 b b^T + s_t^2 (1 - b b^T)) / count + s_q^2 J J^T
 
-with b the beam, s_r and s_t one reading's noise along and across it, J = dy/dq and s_q where a
-joint comes to rest. Averaging takes the first part down, not the second: it is one draw a move.
+with b the beam direction, s_r and s_t the noise of one reading along and across it, J = dy/dq and
+s_q the repeatability of a joint. Averaging reduces the first part only: a rest error is drawn once
+a move.
 """
 
 from __future__ import annotations
@@ -23,26 +24,26 @@ from delta_calibration.robot import Robot, Tracker
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-# degrees of freedom from which a spread is measured rather than taken from the robot's file
+# degrees of freedom from which a standard deviation is estimated, not taken from the robot file
 _ENOUGH = 20
-_GROSS = 6.0  # standard deviations beyond which a repeat was disturbed
+_GROSS = 6.0  # standard deviations beyond which a repeat holds a gross error
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
-_STEP = 0.05  # of log s_q, over which the bend of its likelihood is taken
-_ALIKE = 1e-7  # singular value over the largest, below which conditions act alike
-_FEWEST_DEGREES = 1e-3  # of a repeatability that the tracker's noise hides
+_STEP = 0.05  # step of log s_q in the second difference of its likelihood
+_ALIKE = 1e-7  # singular value over the largest, below which columns are linearly dependent
+_FEWEST_DEGREES = 1e-3  # of freedom, for a repeatability that is hidden by the tracker's noise
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
 @dataclass(frozen=True)
 class Noise:
-    """One reading's and one move's standard deviations, and where they come from."""
+    """Standard deviations of one reading and of one move, and their origin."""
 
-    radial_scale: float  # measured noise along the beam over the robot file's
-    transverse_scale: float
+    radial_scale: float  # estimated over filed noise along the beam
+    transverse_scale: float  # likewise across the beam
     repeatability: float  # [rad] of each joint
     floor: float  # [m] root mean square 3-D distance of a measured pose from its place's mean
-    degrees: int  # of freedom in `floor`; 0 where it is computed, not measured
-    measured: bool  # whether repeats were enough to measure it
+    degrees: int  # of freedom in `floor`; 0 if it is computed, not measured
+    measured: bool  # whether there were enough repeats to measure it
     freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
@@ -63,15 +64,15 @@ class Noise:
 
 
 def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
-    """Noise from the scatter within still moments and between repeats; else the robot file's.
+    """Estimate noise from the scatter in still moments and of repeats; else take the file's.
 
-    Repeats are compared at the same joint angles: what the encoders saw of a rest error is known
-    to the fit, and no noise.
+    Repeats are compared at the same joint angles: the part of a rest error that the encoders show
+    is known to the fit and is no noise.
 
     Args:
         poses: the measured poses.
         slope: dy/dq of the nominal robot at each pose, (n, 3, m) [m/rad], in the tracker's frame.
-        robot: the file's tracker noise and repeatability.
+        robot: gives the filed tracker noise and repeatability.
     """
     radial, transverse = _reading_scales(poses, robot.tracker)
     seen, _ = _deviations(poses.joint, poses.place)
@@ -81,7 +82,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = _without_gross(poses, covariance)
     course = _course(poses, poses.place, slope)
     visits = _visits(poses.point, poses.place, course)
-    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to tell chance from conditions: true repeats
+    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to separate noise from conditions: true repeats
         visits = _visits(poses.point, poses.repeat, course[:, :0])
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
@@ -95,12 +96,12 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
 
 
 def whitening(covariance: Array) -> Array:
-    """W with W C W^T = 1 for each pose, (n, 3, 3) [1/m]."""
+    """Whitening matrices W with W C W^T = 1, (n, d, d) as C; [1/m] for positions."""
     return np.linalg.inv(np.linalg.cholesky(covariance))
 
 
 def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
-    """Measured over filed standard deviation of a reading, along and across the beam."""
+    """Estimated over filed standard deviation of a reading, along and across the beam."""
     several = poses.count > 1
     degrees = (poses.count[several] - 1).astype(float)
     if degrees.sum() < _ENOUGH:
@@ -117,10 +118,10 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
 
 
 def _without_gross(poses: Poses, covariance: Array) -> Poses:
-    """The poses, those of a repeat that holds a gross error numbered apart, as if never repeated.
+    """Return the poses, with those of a repeat that has a gross error relabelled as unrepeated.
 
-    A knocked reflector is no noise: repeats that lie 6 robust standard deviations apart do not
-    count.
+    A knocked reflector is no noise: a repeat with a pose over 6 robust standard deviations from
+    its mean is not used.
     """
     deviation, degrees = _deviations(poses.point, poses.repeat)
     if degrees == 0:
@@ -139,22 +140,22 @@ def _without_gross(poses: Poses, covariance: Array) -> Poses:
 
 @dataclass(frozen=True)
 class _Visits:
-    """Deviations within places, and what of them is no chance."""
+    """Deviations of poses from their place's mean, and the part that conditions may explain."""
 
     place: Index  # (n,) of each pose
     deviation: Array  # (n, 3) [m] from the place's mean
-    course: Array  # (3 n, p) orthonormal: what conditions may do within places
+    course: Array  # (3 n, p) orthonormal basis of changes with the conditions, see `_course`
 
     @property
     def degrees(self) -> int:
-        """Degrees of freedom of a pose that are left to chance."""
+        """Degrees of freedom of the noise, in poses of three coordinates."""
         size = np.bincount(self.place)
         taken = -(-int(self.course.shape[1]) // 3)
         return max(int((size[size > 0] - 1).sum()) - taken, 0)
 
     @property
     def floor(self) -> float:
-        """Root mean square 3-D distance by chance from a place's mean [m]."""
+        """Root mean square 3-D distance from a place's mean by noise alone [m]."""
         flat = self.deviation.reshape(-1)
         left = flat - self.course @ (self.course.T @ flat)
         return float(np.sqrt(left @ left / max(self.degrees, 1)))
@@ -165,12 +166,11 @@ def _visits(point: Array, place: Index, course: Array) -> _Visits:
 
 
 def _course(poses: Poses, place: Index, slope: Array) -> Array:
-    """What conditions may do between visits of a place, an orthonormal basis (3 n, p).
+    """Orthonormal basis (3 n, p) of the changes by conditions between visits of a place.
 
-    What a warming machine, a drifting tracker, a play or a payload does between two visits of a
-    place is no noise. Whatever it is, it moves the platform smoothly: each joint by a cubic in
-    time, by the sides it was approached from and by the payload, all of which may change over the
-    workspace like a plane.
+    Changes between two visits by warming, a drifting tracker, backlash or a payload are no noise.
+    All of them are modelled as smooth joint errors: a cubic in time, plus terms in the directions
+    of approach and in the payload, with coefficients that are linear in the joint coordinates.
     """
     clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
     payload = np.nan_to_num(poses.payload)
@@ -187,7 +187,7 @@ def _course(poses: Poses, place: Index, slope: Array) -> Array:
 
 
 def _deviations(values: Array, label: Index) -> tuple[Array, int]:
-    """Each row (n, k) less its group's mean, and the degrees of freedom (rows over groups)."""
+    """Each row (n, k) less its group's mean, and the degrees of freedom (rows less groups)."""
     size, width = np.bincount(label), values.shape[1]
     cell = label[:, None] * width + np.arange(width)
     total = np.bincount(cell.ravel(), values.ravel(), len(size) * width).reshape(-1, width)
@@ -196,17 +196,17 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
 
 
 def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, stated: float) -> float:
-    """Standard deviation of one reading of a turn about each axis [rad].
+    """Standard deviation of one reading of the rotation about each axis [rad].
 
-    Most likely by how repeats differ, beside where the joints come to rest; as the robot's file
-    states it where they are too few.
+    The maximum likelihood estimate from the differences of repeats, given the rest errors of the
+    joints; the robot file's value if there are too few repeats.
 
     Args:
-        turned: rotation vectors from one of its repeat's to each pose's, (n, 3) [rad], small.
-        repeat: which poses repeat each other, (n,).
+        turned: small rotation vectors from one pose of the same repeat to each, (n, 3) [rad].
+        repeat: number of the repeat of each pose, (n,).
         count: readings of each pose, (n,).
-        resting: covariance of the turns that joints make at rest beside their command, (n, 3, 3).
-        stated: by the robot's file [rad].
+        resting: covariance of the rotations by rest errors of the joints, (n, 3, 3) [rad^2].
+        stated: the robot file's value [rad].
     """
     visits = _visits(turned, repeat, np.zeros((turned.size, 0)))
     if 3 * visits.degrees < _ENOUGH:
@@ -218,17 +218,17 @@ def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, state
 def _likeliest(
     visits: _Visits, fixed: Array, growing: Array, bounds: tuple[float, float]
 ) -> tuple[float, float]:
-    """Most likely s of the covariance F + s^2 G, and its degrees of freedom by how sharp it is.
+    """Most likely s of the covariance F + s^2 G, and its degrees of freedom by the curvature.
 
-    Gaussian, one draw a move, by the restricted likelihood: places and conditions are fitted
-    beside it by the covariance that s gives, and what they take is not counted as small
-    (Patterson and Thompson 1971, Biometrika 58, 545-554).
+    Restricted likelihood of Gaussian errors, one draw a move: the means of places and the effects
+    of conditions are fitted with the covariance that s gives, and the degrees of freedom that they
+    use do not bias s (Patterson and Thompson 1971, Biometrika 58, 545-554).
 
     Args:
         visits: deviations within places.
         fixed: F of each pose, (n, 3, 3).
         growing: G of each pose, (n, 3, 3).
-        bounds: between which s is searched.
+        bounds: interval in which s is searched.
     """
     from scipy.optimize import minimize_scalar  # slow to load
 
@@ -260,12 +260,12 @@ def _likeliest(
         unlikeliness, bounds=np.log(bounds), method="bounded", options={"xatol": 1e-3}
     )
     bend = unlikeliness(best.x - _STEP) - 2 * best.fun + unlikeliness(best.x + _STEP)
-    # -2 log L bends four times as much by log s as by log s^2
+    # the curvature of -2 log L by log s is four times that by log s^2
     return float(np.exp(best.x)), max(bend / _STEP**2 / 4, _FEWEST_DEGREES)
 
 
 def _apart(fixed: Array, growing: Array) -> tuple[Array, Array]:
-    """The common axes of two covariances F and G of each sample, both (n, 3, 3).
+    """Diagonalize two covariances F and G of each sample, both (n, 3, 3), simultaneously.
 
     T (n, 3, 3) with T F T^T = 1 and T G T^T diagonal, and that diagonal (n, 3).
     """

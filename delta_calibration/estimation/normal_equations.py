@@ -1,12 +1,12 @@
 """Rows of the normal equations of a robust least-squares problem, compiled.
 
 Each pose has a whitened residual r_i (d,) and rows A_i (d, F): the derivative of its prediction by
-the unknowns z. Under a loss rho of the distance |r_i|, made for residuals of spread s,
+the unknowns z. Under a loss rho of the distance |r_i|, made for residuals of standard deviation s,
 
     cost = sum_i rho(|r_i|) / s^2 + sum_prior z_k^2        w_i = rho'(|r_i|) / (2 |r_i|)
     N = sum_i w_i A_i^T A_i / s^2 + P        b = sum_i w_i A_i^T r_i / s^2 - P z
 
-with P the ones of the priors. Gauss-Newton's step is N^-1 b.
+with P diagonal, 1 for unknowns with a prior and 0 otherwise. The Gauss-Newton step is N^-1 b.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @compiled()
 def whitened(missed: Array, jacobian: Array, whiten: Array, basis: Array) -> tuple[Array, Array]:
-    """Residuals (n, d), and rows (n d, F) by the unknowns.
+    """Whitened residuals (n, d), and Jacobian rows (n d, F) by the unknowns.
 
     Args:
         missed: measured less predicted, (n, d).
@@ -31,7 +31,7 @@ def whitened(missed: Array, jacobian: Array, whiten: Array, basis: Array) -> tup
     """
     n, d, count = jacobian.shape[0], jacobian.shape[1], basis.shape[1]
     residual, rows = np.zeros((n, d)), np.zeros((n * d, count))
-    entry, unknown = np.nonzero(basis)  # a scale for each unknown, and little else
+    entry, unknown = np.nonzero(basis)  # nearly diagonal: a scale for each unknown
     size = np.array([basis[entry[i], unknown[i]] for i in range(len(entry))])
     scaled = np.empty((d, count))
     for row in range(n):
@@ -55,9 +55,9 @@ def judged(residual: Array, bend: float, cut: float, spread: float) -> tuple[Arr
 
     Args:
         residual: whitened.
-        bend: distance from which a pose counts linearly.
-        cut: distance from which it no longer counts.
-        spread: of the residuals that the loss is made for.
+        bend: distance from which the loss is linear.
+        cut: distance from which the loss is constant and the weight 0.
+        spread: standard deviation of the residuals that the loss is made for.
     """
     n, d = residual.shape
     weight, cost = np.ones(n), 0.0
@@ -75,13 +75,13 @@ def judged(residual: Array, bend: float, cut: float, spread: float) -> tuple[Arr
 
 @compiled()
 def weighted(residual: Array, rows: Array, weight: Array, spread: float) -> tuple[Array, Array]:
-    """Residuals (n d,) and rows (n d, F) by the roots of the weights, in spreads.
+    """Residuals (n d,) and rows (n d, F), times the root of the weight and over `spread`.
 
     Args:
         residual: (n, d).
         rows: (n d, F).
         weight: of each pose, (n,).
-        spread: of the residuals that the loss is made for.
+        spread: standard deviation of the residuals that the loss is made for.
     """
     n, d = residual.shape
     scaled, error = np.empty_like(rows), np.empty(n * d)

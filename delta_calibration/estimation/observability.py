@@ -1,4 +1,4 @@
-"""What the data can set and what they cannot: rank, combinations that do not show, indices."""
+"""Identifiability: rank, unidentifiable parameter combinations and observability indices."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_ZERO = 1e-8  # singular values under this share of the largest are none
-# what of a column of length one is left by the ones before it, if it depends on them
+_ZERO = 1e-8  # singular values under this share of the largest count as zero
+# length of a unit column's part outside the span of the ones before it, if it depends on them
 _DEPENDENT = 1e-6
-# parts of a combination smaller than this (in scaled units) are left out of its words
+# coefficients of a combination smaller than this (in scaled units) are left out of its sentence
 _PART = 1e-3
-_NAMED = 4  # as many parameters of a combination are named
+_NAMED = 4  # largest number of parameters that a sentence names
 
 
 @dataclass(frozen=True)
 class Redundancy:
-    """A combination that the data cannot set: `parameter` does the same as a mixture of others."""
+    """An unidentifiable combination: `parameter` acts like a linear combination of others."""
 
     parameter: str
     # name, coefficient in the parameters' own units; empty: no effect
     same_as: tuple[tuple[str, float], ...]
 
     def sentence(self) -> str:
-        """In words."""
+        """The combination as a sentence."""
         if not self.same_as:
             return f"{self.parameter} has no visible effect"
         parts = [f"{value:+.3g} {name}" for name, value in self.same_as[:_NAMED]]
@@ -38,7 +38,7 @@ class Redundancy:
 
 @dataclass(frozen=True)
 class Observability:
-    """What follows from the singular values of the whitened, scaled identification matrix."""
+    """Rank, redundancies and indices of the whitened, scaled identification Jacobian."""
 
     rank: int
     columns: int
@@ -51,19 +51,19 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
 
     The indices are those in use since Borm and Menq (O1, geometric mean of the singular values
     over the root of the number of poses), Driels and Pathre (O2, inverse condition number), Nahvi
-    (O3, smallest singular value; O4, noise amplification: smallest squared over largest), taken
-    over the combinations that show.
+    (O3, smallest singular value; O4, noise amplification: smallest squared over largest), computed
+    over the identifiable combinations.
 
     Args:
-        jacobian: d(whitened reading)/d(theta), (n, 3, P).
+        jacobian: d(whitened reading)/d(theta), (n, d, P).
         scale: (P,), expected size of each parameter.
         names: (P,).
     """
     scaled = jacobian.reshape(-1, jacobian.shape[-1]) * scale
-    # its columns have the lengths and the angles of those of the Jacobian, in fewer rows
+    # the same column lengths and angles as the Jacobian, in fewer rows
     matrix = np.asarray(np.linalg.qr(scaled, mode="r"))
     norms = np.linalg.norm(matrix, axis=0)
-    shows = norms > _ZERO * norms.max()  # the rest is rounding, which no scale may make a column
+    shows = norms > _ZERO * norms.max()  # the rest is rounding, which must not be scaled up
     unit = np.where(shows, matrix / np.where(shows, norms, 1.0), 0.0)
     values = np.linalg.svd(unit, compute_uv=False)
     rank = int(np.sum(values > _ZERO * values[0]))
@@ -81,10 +81,10 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
 def _redundancies(
     unit: Array, norms: Array, scale: Array, names: Sequence[str]
 ) -> tuple[Redundancy, ...]:
-    """Each column that depends on the ones before it, as a mixture of those.
+    """Each column that depends on the ones before it, as a linear combination of those.
 
-    Taken in the order of the parameters, so that the words are about neighbours: a platform joint
-    against its base joint, the frame against the base joints.
+    Columns are taken in the order of the parameters, so that the sentences relate neighbours: a
+    platform joint to its base joint, the frame to the base joints.
     """
     chosen: list[int] = []
     basis = np.zeros((len(unit), 0))
@@ -114,9 +114,9 @@ def _redundancies(
 def strong_correlations(
     covariance: Array, names: Sequence[str], limit: float = 0.95
 ) -> tuple[tuple[str, str, float], ...]:
-    """Pairs whose estimates lean on each other by more than `limit`, strongest first."""
+    """Pairs of estimates with a correlation beyond `limit` in size, strongest first."""
     sigma = np.sqrt(np.diag(covariance))
-    correlation = np.clip(covariance / np.outer(sigma, sigma), -1.0, 1.0)  # beyond by rounding
+    correlation = np.clip(covariance / np.outer(sigma, sigma), -1.0, 1.0)  # rounding may exceed 1
     strong = np.argwhere(np.triu(np.abs(correlation) > limit, k=1)).tolist()
     pairs = [(names[a], names[b], float(correlation[a, b])) for a, b in strong]
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))

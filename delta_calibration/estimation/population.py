@@ -1,18 +1,18 @@
-"""What machines of a type have in common, as the prior of the next one.
+"""Prior of a machine from the population of machines of its type.
 
-Each number d_k of a machine, a dimension in tolerances off the drawing or a parameter of an effect
-in the spread that it may have anywhere, is of the crowd or odd,
+Each number d_k of a machine is the deviation of a dimension from the drawing in units of its
+tolerance, or a parameter of an effect in units of its prior. It belongs to the crowd or is odd:
 
     p(d_k) = (1 - o_k) N(d_k; m_k, s_k^2) + o_k N(d_k; 0, 1)
 
-with mean m and spread s of the crowd, and o the share of odd ones, which are only as the drawing's
-tolerances or what is usual of the effect have them. Such a prior draws a number to the crowd as
-long as the data leave it there; one that they put elsewhere is left where it is.
+with mean m and standard deviation s of the crowd, and o the share of odd numbers, which only
+follow the prior of the drawing or of the effect. Such a prior pulls a number towards the crowd
+only if the data allow it there; a number that the data place elsewhere is not pulled.
 
-About a fit the data's likelihood is normal, exp(-d^T L d / 2 + d^T l), and the posterior is found
-by expectation propagation (Minka 2001): each prior is replaced by the normal one that gives the
-same mean and variance beside all the others. For sums of two normal laws both are known in closed
-form. What it ends with is a normal prior of this machine, with which it is fitted anew.
+About a fit the likelihood is normal, exp(-d^T L d / 2 + d^T l). The posterior is found by
+expectation propagation (Minka 2001): each prior is replaced by a normal prior that, together with
+all others, gives the same mean and variance; for mixtures of two normal laws both have a closed
+form. The result is a normal prior for this machine, with which it is fitted again.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from delta_calibration.estimation.problem import Solution, spread_of
 Array = NDArray[np.float64]
 
 _SWEEPS = 60
-_SETTLED = 1e-6  # change of a probability
-_KEPT = 0.5  # of the last prior in each sweep, as the update may swing
-_NARROWEST = 1e-3  # [tolerances] of a prior that was found
+_SETTLED = 1e-6  # change of a probability at which the iteration has converged
+_KEPT = 0.5  # share of the last prior that each sweep keeps: damping, as updates may oscillate
+_NARROWEST = 1e-3  # [tolerances] least standard deviation of a prior found here
 
 
 @dataclass(frozen=True)
 class Population:
-    """Dimensions and effects over the machines of a type, in units of the chain's priors."""
+    """Distribution of dimensions and effects in machines of a type, in units of their priors."""
 
     mean: Array  # (p + k,) dimensions off the drawing, then the effects' parameters
     spread: Array  # (p + k,)
-    odd: Array  # (p + k,) share of the machines in which a number is not of the crowd
-    effects: tuple[Effect, ...] = ()  # that most machines have
+    odd: Array  # (p + k,) share of the machines whose number does not belong to the crowd
+    effects: tuple[Effect, ...] = ()  # those that most machines have
     found: tuple[tuple[str, float], ...] = ()  # causes, and the share of machines that have them
 
     @classmethod
     def as_drawn(cls, size: int) -> Population:
-        """What the drawing alone says of p dimensions."""
+        """Return the population of p dimensions that follows from the drawing alone."""
         return cls(np.zeros(size), np.ones(size), np.full(size, 0.05))
 
     def shown_by(self, at: Conditions) -> Population:
-        """The same without effects that cannot be evaluated under these conditions."""
+        """Return this population without the effects that these conditions cannot evaluate."""
         able = [not effect.missing(at) for effect in self.effects]
         if all(able):
             return self
@@ -68,13 +68,13 @@ class Population:
         )
 
     def weights(self, causes: Collection[str]) -> tuple[tuple[str, float], ...]:
-        """By how much each cause is likelier than causes are on average.
+        """Frequency of each cause over the mean frequency; empty unless all causes have one.
 
-        p values may be divided by weights whose mean is one: chance raises as few alarms as
-        without (Genovese, Roeder and Wasserman 2006, Biometrika 93, 509-524).
+        p values may be divided by weights with a mean of one without more false alarms (Genovese,
+        Roeder and Wasserman 2006, Biometrika 93, 509-524).
 
         Args:
-            causes: that are looked for.
+            causes: those that are tested.
         """
         share = {cause: each for cause, each in self.found if cause in causes}
         if not share or len(share) < len(causes):
@@ -85,7 +85,7 @@ class Population:
 
 @dataclass(frozen=True)
 class Likelihood:
-    """What data say of d, dimensions and effects: exp(-d^T L d / 2 + d^T l); of N machines."""
+    """Normal likelihood exp(-d^T L d / 2 + d^T l) of dimensions and effects d; N machines."""
 
     information: Array  # (..., p, p) L
     along: Array  # (..., p) l
@@ -93,24 +93,24 @@ class Likelihood:
 
 @dataclass(frozen=True)
 class Belief:
-    """What data and population say of machines; (..., p) each."""
+    """Posterior of machines, from their data and a population; (..., p) each."""
 
     mean: Array  # of the posterior
     variance: Array
-    crowd: Array  # probability that a dimension is of the crowd
-    crowd_mean: Array  # of the dimension, if it is
+    crowd: Array  # probability that a number belongs to the crowd
+    crowd_mean: Array  # posterior mean if it belongs to the crowd
     crowd_variance: Array
-    prior_mean: Array  # of the normal prior that stands for the population here
+    prior_mean: Array  # of the normal prior that replaces the population
     prior_precision: Array
 
 
 def believe(data: Likelihood, population: Population, before: Belief | None = None) -> Belief:
-    """Weigh data against a population.
+    """Compute the posterior from data and a population, by expectation propagation.
 
     Args:
         data: of one machine, or of several at once.
-        population: what is expected.
-        before: of a like population, to begin with.
+        population: the prior.
+        before: posterior under a similar population, as the starting point.
     """
     if before is None:
         precision = np.broadcast_to(np.ones(1), data.along.shape).copy()
@@ -126,7 +126,7 @@ def believe(data: Likelihood, population: Population, before: Belief | None = No
         covariance: Array = np.asarray(np.linalg.inv(normal), dtype=np.float64)
         variance = covariance[..., diagonal, diagonal]
         mean = (covariance @ (data.along + shift)[..., None])[..., 0]
-        # without its own prior: "cavity"
+        # posterior without the number's own prior: the "cavity"
         free = np.maximum(1 / variance - precision, 1e-12)
         at = (mean / variance - shift) / free
         weight, first, second = _mixed(at, 1 / free, population)
@@ -143,9 +143,9 @@ def believe(data: Likelihood, population: Population, before: Belief | None = No
 
 
 def likelihood_of(solution: Solution) -> Likelihood:
-    """What the data of a fit say of dimensions and effects, everything else integrated out.
+    """Likelihood of dimensions and effects from a fit, all other unknowns integrated out.
 
-    Where the residuals are wider than the noise, the data say so much less.
+    If the residuals are larger than the noise, the information is reduced accordingly.
     """
     problem = solution.problem
     root = np.sqrt(solution.weight)[:, None] / spread_of(solution.residual)
@@ -162,12 +162,12 @@ def likelihood_of(solution: Solution) -> Likelihood:
 
 
 def carried_by(solution: Solution, population: Population) -> Carried:
-    """The normal prior that a population gives this machine.
+    """Return the normal prior of this machine from a population.
 
     Args:
-        solution: of a fit by the drawing's tolerances, with the population's effects in its chain
-            and all of its geometry free.
-        population: of its dimensions, all with a tolerance, and effects.
+        solution: a fit with the drawing's tolerances as priors, the population's effects in the
+            chain and all of the geometry free.
+        population: of the machine's dimensions, all of which have a tolerance, and of effects.
     """
     problem, rows = solution.problem, carried_rows(solution.problem.layout)
     unit = np.diag(problem.basis)[rows]
@@ -181,7 +181,7 @@ def carried_by(solution: Solution, population: Population) -> Carried:
 
 
 def _mixed(at: Array, variance: Array, population: Population) -> tuple[Array, Array, Array]:
-    """Probability of the crowd, mean and variance of a number that is seen at `at`."""
+    """Crowd probability, mean and variance of a number measured at `at` with `variance`."""
     crowd = (1 - population.odd) * _density(at - population.mean, variance + population.spread**2)
     odd = population.odd * _density(at, variance + 1)
     weight = crowd / (crowd + odd)
@@ -193,7 +193,7 @@ def _mixed(at: Array, variance: Array, population: Population) -> tuple[Array, A
 
 
 def _times(at: Array, variance: Array, mean: Array, spread: Array) -> tuple[Array, Array]:
-    """Mean and variance of the product of two normal laws."""
+    """Mean and variance of the product of two normal laws; `spread` is a variance, too."""
     both = 1 / (1 / variance + 1 / spread)
     return both * (at / variance + mean / spread), both
 

@@ -1,12 +1,11 @@
-"""What makes positions uncertain, by the residuals of a fit: see `delta_calibration.uncertainty`.
+"""Uncertainty of positions from the residuals of a fit: see `delta_calibration.uncertainty`.
 
-What the model leaves out, M, is measured by the residuals of the fit, each enlarged to what it
-would be had the fit not taken up a part of it (`cross_validation.py`), less the noise. The less
-sure it is, the less of it counts (James and Stein 1961). The same residuals tell, beside repeats,
-how far joints come to rest from where they should: what does not count as M of an excess or a lack
-goes to s_q, by how unsure that is.
+The model error M is estimated from the studentized residuals of the fit (`cross_validation.py`),
+less the noise. It is shrunk the more, the more uncertain it is (James and Stein 1961). Beside the
+repeats, the same residuals determine the repeatability s_q of the joints: the part of an excess or
+a lack that is not attributed to M changes s_q, in proportion to the uncertainty of s_q.
 
-By chance one residual in twenty reaches beyond its 95 %; where more do, `widen` is by how much.
+By chance one residual in twenty exceeds its 95 % radius; if more do, `widen` enlarges the radius.
 """
 
 from __future__ import annotations
@@ -33,26 +32,26 @@ from delta_calibration.uncertainty import (
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_FEWEST = 20  # poses from which a quantile of 95 % is told
+_FEWEST = 20  # poses from which a quantile of 95 % is estimated
 _THIN = 1e-4  # of the largest extent squared: poses thinner than this lie in a plane
-_SURE = 3.0  # standard errors from which play is one
-_CHANCE = 0.05  # that as many errors reach beyond a radius, below which it is widened
-_LEAST_REST = 0.05  # of s_q^2 by repeats, that residuals leave of it
+_SURE = 3.0  # standard errors from which backlash is significant
+_CHANCE = 0.05  # probability of so many errors beyond a radius, below which it is enlarged
+_LEAST_REST = 0.05  # least ratio of the corrected s_q^2 to that by repeats
 
 
 @dataclass(frozen=True)
 class Missed:
-    """What poses were missed by, as if their fit had taken up nothing of it."""
+    """Studentized residuals of poses: as large as if the fit had absorbed none of them."""
 
     at: Conditions  # of the n poses
-    residual: Array  # (n, 3) [m] measured less predicted, tracker's frame; NaN: does not count
+    residual: Array  # (n, 3) [m] measured less predicted, tracker's frame; NaN: rejected
     whiten: Array  # (n, 3, 3) [1/m] W C W^T = 1, C the covariance of a pose's noise
-    place: Index  # (n,) poses of one place have one error of the model
+    place: Index  # (n,) poses of one place have the same model error
 
 
 @dataclass(frozen=True)
 class Rest:
-    """Where joints come to rest, and how well that is known."""
+    """Repeatability of the joints, and its degrees of freedom."""
 
     repeatability: float  # [rad or m] of each joint, one standard deviation
     freedom: float  # degrees of freedom; infinite: as stated
@@ -61,14 +60,14 @@ class Rest:
 def uncertainty_of(
     chain: Chain, theta: Array, covariance: Array, rest: Rest, missed: Missed
 ) -> Uncertainty:
-    """What makes positions uncertain, by the residuals of the fit.
+    """Estimate the uncertainty of positions from the residuals of the fit.
 
     Args:
         chain: the model.
         theta: as identified, (P,).
         covariance: of theta, (P, P).
-        rest: as repeats tell it, and as it is in the noise of the poses.
-        missed: what the poses were missed by.
+        rest: repeatability as estimated from repeats and as contained in the noise of the poses.
+        missed: studentized residuals of the poses.
     """
     rows = np.flatnonzero(np.isfinite(missed.residual).all(axis=1))
     at, place = missed.at.take(rows), missed.place[rows]
@@ -95,12 +94,12 @@ def uncertainty_of(
 
 
 def _play(sided: Array, error: Array, known: Array) -> Array:
-    """How far each joint is off by the side that it comes from, (m,); 0 where that is chance.
+    """Backlash of each joint, signed by the side of approach, (m,); 0 if not significant.
 
     Args:
-        sided: by the joints, times the sides that they came from, (n, 3, m).
-        error: (n, 3) [m].
-        known: covariance of what else is in it, (n, 3, 3).
+        sided: derivatives by the joints, times their directions of approach, (n, 3, m).
+        error: residuals, (n, 3) [m].
+        known: covariance of the residuals without backlash, (n, 3, 3).
     """
     inverse = np.linalg.inv(known)
     normal = np.einsum("nij,nik,nkl->jl", sided, inverse, sided)
@@ -112,26 +111,27 @@ def _play(sided: Array, error: Array, known: Array) -> Array:
 
 @dataclass(frozen=True)
 class _Split:
-    """Errors told apart: what the model leaves out, and where joints come to rest."""
+    """Errors separated into the model error and the repeatability of the joints."""
 
-    covariance: Array  # (3, 3) [m^2] M, mean of the poses
+    covariance: Array  # (3, 3) [m^2] M, mean over the poses
     doubt: float  # [m^2] standard error of its trace
     beyond: Array  # (n,) [m^2] errors squared less the noise
     rest: Rest
 
 
 def _split(error: Array, known: Array, moving: Array, rest: Rest, place: Index) -> _Split:
-    """M of what errors (n, 3) have over the noise, and s_q by repeats and errors together.
+    """M from the excess of errors (n, 3) over the noise, and s_q from repeats and errors together.
 
-    The mean excess x over the noise has the error of its own mean, d, and that of s_q, r, which is
-    in the noise: of x +- s, s^2 = d^2 + r^2, M counts as x - s^2 / x where that is above zero. Of
-    the rest of x, r^2 / s^2 is what s_q was wrong by, the likeliest where there is no M.
+    The mean excess x of squared errors over the noise has a standard error s, s^2 = d^2 + r^2: d
+    by the scatter of x itself, r by the uncertainty of s_q in the noise. M gets x - s^2 / x if
+    x > s, else 0. Of the rest of x, the share r^2 / s^2 is attributed to s_q, which is the most
+    likely split without M.
 
     Args:
-        error: (n, 3) [m].
-        known: covariance of the noise in it, (n, 3, 3) [m^2].
+        error: residuals, (n, 3) [m].
+        known: covariance of their noise, (n, 3, 3) [m^2].
         moving: J J^T, (n, 3, 3).
-        rest: s_q as it is in the noise.
+        rest: s_q as contained in the noise.
         place: (n,) of each pose.
     """
     beyond = np.sum(error**2, axis=1) - np.trace(known, axis1=1, axis2=2)
@@ -144,9 +144,9 @@ def _split(error: Array, known: Array, moving: Array, rest: Rest, place: Index) 
     whole = float(np.trace(covariance))
     share = 1 - (doubt / excess) ** 2 if excess > doubt and whole > 0.0 else 0.0
     covariance = covariance * (share * excess / whole) if share else np.zeros((3, 3))
-    moved = (1 - share) * (unsure / doubt) ** 2  # of the excess, what s_q was wrong by
+    moved = (1 - share) * (unsure / doubt) ** 2  # share of the excess attributed to s_q
     factor = max(1 + moved * excess / still, _LEAST_REST) if still > 0.0 else 1.0
-    told = share + moved  # by how much the sum of both goes by the errors, not by repeats
+    told = share + moved  # weight of the errors, not the repeats, in the sum
     left = ((1 - told) * unsure) ** 2 + (told**2 - share**2) * own**2
     freedom = min(2 * (factor * still) ** 2 / left, MANY) if left > 0.0 else np.inf
     found = Rest(float(rest.repeatability * np.sqrt(factor)), float(freedom))
@@ -154,7 +154,7 @@ def _split(error: Array, known: Array, moving: Array, rest: Rest, place: Index) 
 
 
 def _grown(places: Array, split: _Split, play: Array, place: Index) -> ModelError:
-    """M and how it grows from the middle of places (n, 3)."""
+    """M and its growth with the distance from the centre of places (n, 3)."""
     middle = places.mean(axis=0)
     way = places - middle
     scatter = way.T @ way / len(way)
@@ -169,7 +169,7 @@ def _grown(places: Array, split: _Split, play: Array, place: Index) -> ModelErro
 
 
 def _growing(farther: Array, left: Array, place: Index) -> float:
-    """How errors squared over their mean, less 1, (n,) go with r^2 - 1 (n,), as far as is sure."""
+    """Slope b of relative squared errors less 1 (n,) by r^2 - 1 (n,), shrunk, from 0 to 1."""
     whole = max(float(farther @ farther), np.finfo(float).tiny)
     share = float(farther @ left) / whole
     doubt = float(np.linalg.norm(np.bincount(place, farther * (left - share * farther)))) / whole
@@ -179,9 +179,9 @@ def _growing(farther: Array, left: Array, place: Index) -> float:
 
 
 def _kurtosis(error: Array, whole: Array, model: Array, place: Index) -> float:
-    """k, as far as it is sure, of errors (n, 3) of covariance `whole`, `model` of it the model's.
+    """Kurtosis k of the model error, shrunk, by errors (n, 3); covariance `whole`, M `model`.
 
-    At least so that what the model leaves out has a variance of its square.
+    Bounded below so that the variance of the squared model error is not negative.
     """
     square, size = (np.trace(each, axis1=1, axis2=2) for each in (whole, model))
     weight = float(np.sum(size**2))
@@ -197,7 +197,7 @@ def _kurtosis(error: Array, whole: Array, model: Array, place: Index) -> float:
 
 
 def _reached(ratio: Array) -> float:
-    """Factor on the radius: the 95 % of ratios (n,), where more exceed 1 than do by chance."""
+    """Factor on the radius: the 95 % quantile of ratios (n,) if too many exceed 1; else 1."""
     above = int(np.sum(ratio > 1.0))
     if len(ratio) < _FEWEST or bdtrc(above - 1, len(ratio), 1 - COVERED) > _CHANCE:
         return 1.0

@@ -10,7 +10,7 @@ Array = NDArray[np.float64]
 
 
 def solved(matrix: Array, right: Array) -> Array:
-    """Solution (k,) or (k, j) of what is positive definite but for rounding; half the work of LU.
+    """Solve a system that is positive definite up to rounding, (k,) or (k, j): half of LU's work.
 
     Raises:
         LinAlgError: the matrix is singular.

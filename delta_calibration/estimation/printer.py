@@ -1,7 +1,7 @@
-"""A Delta printer of its own measurements: heights at which its probe touched, caliper distances.
+"""Calibration of a Delta printer from its own measurements: probed heights, caliper distances.
 
-Nine numbers show in them: radius, two tower angles (a turn of the whole about z changes no height
-and no distance: the third tower stands where it is drawn), three endstops and three arms.
+Nine parameters are identifiable: radius, two tower angles, three endstops and three arms. A
+rotation of the whole about z changes no height or distance, so tower 3 keeps its nominal angle.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ from delta_calibration.mechanisms.linear_delta import (
 Array = NDArray[np.float64]
 Touched = HeightAtContact | DistanceBetween
 
-# What is expected of a printer sold as a kit; endstops are screws set by hand.
+# Tolerances of a printer sold as a kit; endstops are screws set by hand.
 KIT = LinearDeltaTolerances(radius=2e-3, angle=5e-3, endstop=10e-3, arm=1e-3)
 _TURN = "tower_angle_3"
 
 
 def printer(radius: float, angle: Array, arm: float, height: float) -> LinearDelta:
-    """A printer as its maker means it.
+    """Return the nominal model of a printer.
 
     Args:
         radius: of the towers [m].
         angle: of the towers about z, (3,) [rad].
         arm: [m].
-        height: of the nozzle over the bed in the middle, carriages at their endstops [m].
+        height: of the nozzle over the bed's centre with all carriages at their endstops [m].
 
     Raises:
-        ConfigError: arms that do not reach the middle, or towers in one place.
+        ConfigError: arms that do not reach the middle, or towers at the same place.
     """
     return LinearDelta(LinearDeltaDimensions(radius, angle, arm, height), KIT)
 
 
 def fit_printer(machine: LinearDelta, seen: Sequence[Touched], priors: bool = True) -> MixedFit:
-    """The nine numbers that these measurements ask for.
+    """Fit the nine identifiable parameters to these measurements.
 
     Raises:
-        DataError: fewer measurements than numbers without priors, or joints out of reach.
+        DataError: without priors, fewer measurements than parameters; joints out of reach.
     """
     free = np.array([name != _TURN for name in machine.parameters.names])
     return fit_observations(machine, seen, free=free, priors=priors)
 
 
 def left_out(machine: LinearDelta, seen: Sequence[Touched], priors: bool = True) -> list[Array]:
-    """What each measurement is missed by when a fit has not seen it, by kind, (n,) [m]."""
+    """Leave-one-out residual of each measurement, one array (n,) [m] for each kind."""
     missed = []
     for kind, observation in enumerate(seen):
         errors = np.zeros(len(observation.joint))
@@ -71,7 +71,7 @@ def left_out(machine: LinearDelta, seen: Sequence[Touched], priors: bool = True)
 
 
 def taken(observation: Touched, row: int, alone: bool) -> Touched:
-    """One measurement, or all others."""
+    """Return one measurement (`alone`), or all others."""
     kept = np.arange(len(observation.joint)) == row
     rows = kept if alone else ~kept
     return replace(
@@ -80,10 +80,10 @@ def taken(observation: Touched, row: int, alone: bool) -> Touched:
 
 
 def endstops(machine: PlacedMachine | Array) -> Array:
-    """Nozzle over the bed in the middle with each carriage at its endstop, (3,) [m].
+    """Height of the nozzle over the bed's centre by each carriage at its endstop, (3,) [m].
 
-    What firmware calls the endstop's position: the height of the carriage's joint less that of an
-    arm that leans in to the middle.
+    Firmware calls this the endstop position: the height of the carriage's joint minus the height
+    of an arm that leans in to the middle.
     """
     g = machine if isinstance(machine, np.ndarray) else machine.geometry
     return np.asarray(g[4:7] - np.sqrt(g[7:10] ** 2 - g[0] ** 2))

@@ -2,17 +2,17 @@
 
 The unknowns are scaled, theta = theta_0 + S z, with the priors' standard deviations (a typical
 size where there is no prior) on the diagonal of S, so that z is of the order of one and the
-prior's rows are z itself. S also moves the tracker's frame against the reflector's offset: on a
-platform that hardly tilts an offset is a translation, and without this the search would creep
-along that valley.
+prior's rows are z itself. S also shifts the tracker's frame against the reflector's offset: on a
+platform that hardly tilts the two are nearly equivalent, and without this coupling the search
+would move very slowly along that valley of the cost.
 
     minimise  sum_i rho(|W_i (y_i - chain(q_i, theta))|) / s^2 + sum_prior z_k^2
 
-s is 1 where the noise explains the residuals, and the residuals' own (robust) spread where they
-are larger: what a model leaves out must not bend its parameters beyond what parts can be.
+s is 1 if the noise explains the residuals, and else their robust standard deviation: model errors
+must not move the parameters beyond what parts can be.
 
-What is measured may be of several kinds (`measurements.py`), of as many numbers d each as it has:
-3 of a position, 6 of a pose, for which a probe's mount is three more unknowns beside the chain's.
+Measurements may be of several kinds (`measurements.py`) with d numbers each: 3 of a position, 6 of
+a pose. With poses, the orientation of the probe's mount adds three unknowns to those of the chain.
 """
 
 from __future__ import annotations
@@ -40,54 +40,54 @@ Index = NDArray[np.int64]
 _FRAME_STEP = 1e-3  # typical size of a parameter without prior [m, rad]
 _STEPS = 60
 _SETTLING = 3
-_ROUGHLY = 0.5  # while the loss is still being fitted
-_NOTHING = 1e-2  # share of that decrease: a step that promises less is not worth its evaluation
-SETTLED = 1e-3  # decrease of the cost (chi square) under which the search stands still
-_GIVE_UP = 1e9  # damping
-_DAMPING = 1e-3  # least damping of a step, against the priors' rows of 1
+_ROUGHLY = 0.5  # decrease of the cost to stop at while the loss is still being adapted
+_NOTHING = 1e-2  # share of the stopping decrease: a step that promises less is not evaluated
+SETTLED = 1e-3  # decrease of the cost (chi square) under which the search has converged
+_GIVE_UP = 1e9  # damping at which the search ends
+_DAMPING = 1e-3  # least damping of a step; a prior adds 1 to the same diagonal
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
-_GROSS = 3.0  # times as far a pose is an error of another kind and does not count
-_TOLD = 10.0  # times as well as beforehand an offset is known by readings that are linear in it
-_ROUNDS = 12  # of the loss made to fit the residuals
-_SHRUNK = 0.9  # a bend of the loss that falls by less has settled
+_GROSS = 3.0  # times the Huber distance, beyond which a pose is a gross error and has weight 0
+_TOLD = 10.0  # prior over posterior standard deviation from which the offset has one minimum
+_ROUNDS = 12  # most rounds in which the loss is adapted to the residuals
+_SHRUNK = 0.9  # ratio of successive bends of the loss, above which they have converged
 MOUNT_NAMES = vector_names("probe_turn")
 
 
 @dataclass(frozen=True)
 class Linearized:
-    """A problem about one theta, d numbers a sample; a kind of fewer has zeros behind its own."""
+    """A problem linearized at theta, d numbers a sample; kinds with fewer are zero-padded."""
 
     pose: Array  # (n, k) of the platform
     residual: Array  # (n, d) whitened: measured less predicted
     rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
-    numbers: Index  # (n,) how many of the d each sample has
+    numbers: Index  # (n,) how many of the d numbers each sample has
 
     @property
     def slope(self) -> Array:
-        """The rows by pose, (n, d, F)."""
+        """The Jacobian rows grouped by pose, (n, d, F)."""
         return self.rows.reshape(*self.residual.shape, -1)
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Measurements to be explained by a chain."""
+    """Estimation problem: a chain, its measurements, priors and free parameters."""
 
     chain: Chain
     measured: tuple[Measured, ...]  # one kind each, n samples in all
     theta0: Array  # (P,) prior mean and start
     basis: Array  # (P, P), S
     has_prior: Mask  # (P,)
-    free: Mask  # (P,) what is fitted; the rest keeps its theta0
+    free: Mask  # (P,) fitted entries; the others keep their theta0
 
     @cached_property
     def layout(self) -> Layout:
-        """Which entries of theta are which."""
+        """Layout of theta: which entry is which parameter."""
         chain = self.chain.layout
         return chain if len(self.theta0) == chain.size else chain.mounted
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of theta, (P,)."""
+        """Names of the entries of theta, (P,)."""
         names = self.chain.parameters.names
         return (
             names
@@ -101,27 +101,27 @@ class Problem:
 
     @cached_property
     def at(self) -> Conditions:
-        """Of all samples, (n)."""
+        """Conditions of all n samples."""
         return joined(*(part.at for part in self.measured))
 
     @cached_property
     def whiten(self) -> Array:
-        """Of the only kind that was measured, (n, d, d) [1/m, 1/rad]."""
+        """Whitening matrices if one kind was measured, (n, d, d) [1/m, 1/rad]."""
         (part,) = self.measured
         return part.whiten
 
     @cached_property
     def y(self) -> Array:
-        """Positions, where these are all that was measured, (n, 3) [m] in the tracker's frame."""
+        """Measured positions if these are the only kind, (n, 3) [m] in the tracker's frame."""
         (part,) = self.measured
         return cast(PointMeasured, part.observation).point
 
     def mounted(self, measured: Measured, mount: Array) -> Problem:
-        """The same machine by poses of a probe, with how that is mounted unknown.
+        """Return the problem of a probe's poses, with its mounting orientation as an unknown.
 
         Args:
-            measured: poses.
-            mount: where to start from, (3,) [rad].
+            measured: poses of the probe.
+            mount: start value of the mounting orientation, rotation vector (3,) [rad].
         """
         layout = self.chain.layout.mounted
         own = layout.chain
@@ -133,7 +133,7 @@ class Problem:
         return Problem(self.chain, (measured,), start, basis, has_prior, free)
 
     def take(self, rows: NDArray[np.intp]) -> Problem:
-        """The same problem on some of the samples."""
+        """Return the problem with some of the samples."""
         parts, begin = [], 0
         for part in self.measured:
             own = rows[(rows >= begin) & (rows < begin + len(part.at))] - begin
@@ -142,15 +142,15 @@ class Problem:
         return replace(self, measured=tuple(parts))
 
     def only(self, free: Mask) -> Problem:
-        """The same problem with other parameters free."""
+        """Return the problem with other parameters free."""
         return replace(self, free=free)
 
     def theta(self, z: Array) -> Array:
-        """Parameters of the scaled free unknowns."""
+        """Return theta (P,) for scaled free unknowns z (F,)."""
         return np.asarray(self.theta0 + self._freed @ z)
 
     def unknowns(self, theta: Array) -> Array:
-        """The scaled free unknowns of parameters; the inverse of `theta`."""
+        """Return the scaled free unknowns z (F,) for theta (P,); the inverse of `theta`."""
         return np.asarray(np.linalg.solve(self.basis, theta - self.theta0)[self.free])
 
     @cached_property
@@ -158,7 +158,7 @@ class Problem:
         return tuple(self.chain.predictor(part.at) for part in self.measured)
 
     def about(self, theta: Array, guess: Array | None = None) -> tuple[Linear, ...]:
-        """Each kind's part about a machine, see `linearized`."""
+        """Each kind's measurements linearized at theta, not whitened; see `linearized`."""
         if len(self.measured) > 1:
             guess = None
         return tuple(
@@ -167,11 +167,11 @@ class Problem:
         )
 
     def linearized(self, theta: Array, guess: Array | None = None) -> Linearized:
-        """What is missed at these parameters, and how that goes with them.
+        """Return the whitened residuals at theta and their Jacobian.
 
         Args:
             theta: (P,).
-            guess: the platform's poses, nearly, (n, k); sought where not given.
+            guess: approximate poses of the platform, (n, k); searched if not given.
         """
         parts = [
             self._whitened(linear, part.whiten)
@@ -195,25 +195,25 @@ class Problem:
         return self.has_prior[self.free].astype(float)
 
     def offset_rows(self) -> Mask:
-        """Which of the free unknowns are the reflector's offset, (F,)."""
+        """Mask of the free unknowns that are the reflector's offset, (F,)."""
         return np.asarray(self.layout.mask(self.layout.offset)[self.free])
 
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the search came to rest."""
+    """Result of the search."""
 
     problem: Problem
     theta: Array  # (P,)
     z: Array  # (F,)
     at: Linearized
-    weight: Array  # (n,) of each pose under the robust loss, 1 where fully believed
+    weight: Array  # (n,) of each pose under the robust loss; 1: full weight
     cost: float
     evaluations: int  # how often all poses were predicted
 
     @property
     def pose(self) -> Array:
-        """Of the platform at theta, (n, k)."""
+        """Poses of the platform at theta, (n, k)."""
         return self.at.pose
 
     @property
@@ -223,7 +223,7 @@ class Solution:
 
 
 def build_problem(chain: Chain, measured: Measured, start: Array) -> Problem:
-    """A tracker's problem with everything free, scales and priors from the chain's parameters."""
+    """Build a tracker's problem, all parameters free, scales and priors from the chain."""
     basis, finite = scales(chain)
     basis[chain.layout.place, chain.layout.offset] = (
         -chain.split(start)[2].rotation * chain.offset_prior
@@ -232,20 +232,20 @@ def build_problem(chain: Chain, measured: Measured, start: Array) -> Problem:
 
 
 def scales(chain: Chain) -> tuple[Array, Mask]:
-    """Typical size of each entry of theta on a diagonal (P, P), and which have a prior (P,)."""
+    """Typical sizes of theta as a diagonal (P, P), and mask (P,) of entries with a prior."""
     prior = chain.parameters.prior
     finite = np.isfinite(prior)
     return np.diag(np.where(finite, prior, _FRAME_STEP)), finite
 
 
 def widened(each: Array, width: int) -> Array:
-    """Samples (n, d, ...) with zeros for the numbers that their kind does not measure."""
+    """Samples (n, d, ...) padded with zeros to `width` numbers d each."""
     missing = width - each.shape[1]
     return np.pad(each, [(0, 0), (0, missing)] + [(0, 0)] * (each.ndim - 2))
 
 
 def _stacked(parts: list[Linearized]) -> Linearized:
-    """All kinds in one, the d of the largest."""
+    """Stack the parts of all kinds, padded to the largest d."""
     width = max(part.residual.shape[1] for part in parts)
     rows = np.concatenate([widened(part.slope, width) for part in parts])
     return Linearized(
@@ -265,11 +265,11 @@ class _Loss:
 
     @property
     def spread(self) -> float:
-        """Standard deviation of the residuals that the loss is made for, 1 for the noise's own."""
+        """Standard deviation of the residuals that the loss is made for; 1: that of the noise."""
         return self.bend / _HUBER if np.isfinite(self.bend) else 1.0
 
     def judge(self, residual: Array) -> tuple[Array, float]:
-        """Weight of each pose (n,) by its whitened residual (n, d), and the cost of all."""
+        """Weight of each pose (n,) by its whitened residual (n, d), and the total cost."""
         weight, cost = _equations().judged(residual, self.bend, self.cut, self.spread)
         return weight, cost
 
@@ -284,16 +284,16 @@ def solve(
 ) -> Solution:
     """Minimise by Levenberg-Marquardt with Huber's loss on the distances, then Hampel's.
 
-    Where no start is given, or `everywhere` is asked for, the reflector's offset is sought on
-    every floor of its valley.
+    Without `start`, or with `everywhere`, other local minima are searched for if the reflector's
+    offset is ill determined.
 
-    The loss begins to be linear at 4 robust standard deviations of the residuals, and never under
-    4 of the stated noise. They are those of the start at first, then of each fit, until they no
-    longer shrink: a plain fit would have bent itself to a gross error and taken its own residuals
-    for normal. What is then three times as far off is not believed at all.
+    The loss is linear from 4 robust standard deviations of the residuals on, and never from less
+    than 4 of the stated noise. That deviation is taken from the start's residuals, then from those
+    of each fit until it no longer shrinks: a plain fit would have adapted itself to a gross error
+    and taken its own residuals for normal. Poses three times as far off then get weight 0.
 
     Raises:
-        DataError: the start, or the fit, leaves poses that the model cannot reach.
+        DataError: the start, or the fit, has poses that the model cannot reach.
     """
     z = np.zeros(int(problem.free.sum())) if start is None else start
     now = first = _state(problem, z, _Loss(), None)
@@ -308,12 +308,12 @@ def solve(
             break
     if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
         loss, starts = _Loss(bend), [now]
-        # the rounds may have led to the wrong floor
+        # the rounds may have led to the wrong local minimum
         if (start is None or everywhere) and _may_be_elsewhere(problem, now):
             place = _likeliest_place(problem, loss, now, settled)
             made += place.evaluations
             starts += [first, place]
-    else:  # and so may gross errors
+    else:  # gross errors may have done so, too
         drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
         drawing = _search(problem, _Loss(bend), drawing, settled)
         made += drawing.evaluations
@@ -325,10 +325,10 @@ def solve(
 
 
 def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
-    """Whether the reflector's offset may have another floor: where little tells of it.
+    """Whether the reflector's offset may have another local minimum: if it is ill determined.
 
-    The readings of a platform that turns far are linear in the offset, and tell it to a fraction
-    of what is known of it beforehand: a standard deviation from there no floor is as low.
+    A platform that rotates far has readings that are linear in the offset and determine it to a
+    fraction of its prior: no minimum a prior standard deviation away is as low.
     """
     offset = np.flatnonzero(problem.offset_rows())
     if not offset.size:
@@ -340,11 +340,11 @@ def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
 
 
 def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
-    """The likeliest with the reflector where the file has it, or a standard deviation from there.
+    """Best start among seven reflector offsets: the file's and a standard deviation to each side.
 
-    In each of seven places all else begins where the equations at hand take it, and is settled
-    roughly: the best is searched again. A platform that hardly tilts tells of an offset little
-    more than its size: there is another floor on the other side.
+    For each offset the other unknowns start at their linear prediction and take a few steps; the
+    caller searches on from the best. If the platform hardly tilts, the readings determine little
+    more of an offset than its size: there is another local minimum on the other side.
     """
     rest, offset = ~problem.offset_rows(), problem.offset_rows()
     normal, ends = now.equations[0] + _DAMPING * np.eye(len(now.z)), []
@@ -362,7 +362,7 @@ def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float)
 
 
 def solution_at(problem: Problem, z: Array) -> Solution:
-    """What the problem makes of unknowns found elsewhere, under the loss of their own residuals.
+    """Evaluate the problem at z found by another search, with the loss fitted to its residuals.
 
     Raises:
         DataError: the model with these unknowns cannot reach a pose.
@@ -375,18 +375,18 @@ def solution_at(problem: Problem, z: Array) -> Solution:
 
 
 def robust_weights(residual: Array) -> Array:
-    """Weight of each pose by its whitened residual (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
+    """Weights of poses by whitened residuals (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
     bend = _bend(residual, residual.shape[1])
     return _Loss(bend, _GROSS * bend).judge(residual)[0]
 
 
 def spread_of(residual: Array) -> float:
-    """Robust standard deviation of whitened residuals (n, d), but not under the noise's own, 1."""
+    """Robust standard deviation of whitened residuals (n, d), at least 1, that of the noise."""
     return _bend(residual, residual.shape[1]) / _HUBER
 
 
 def _bend(residual: Array, numbers: Index | int) -> float:
-    """Whitened distance from which samples (n, d) of so many numbers count linearly."""
+    """Whitened distance from which the loss is linear, for samples (n, d) of `numbers` each."""
     widths = np.arange(residual.shape[1] + 1)
     median = np.sqrt(2 * gammaincinv(widths / 2, 0.5))  # of chi's distribution
     typical = float(np.median(np.linalg.norm(residual, axis=1) / median[numbers]))
@@ -394,11 +394,11 @@ def _bend(residual: Array, numbers: Index | int) -> float:
 
 
 def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _State:
-    """Levenberg-Marquardt; every step is followed by a settling of all but the reflector's offset.
+    """Levenberg-Marquardt; after every step all unknowns but the reflector's offset are refitted.
 
-    The offset multiplies the platform's tilt: a step in both at once leaves a curved valley that
-    plain steps creep along. With the rest settled again at the new offset (variable projection) a
-    handful of steps do. Evaluations are counted from the beginning on.
+    The offset multiplies the platform's tilt: a step in both leaves a curved valley of the cost,
+    along which plain steps converge slowly. With the others refitted at the new offset (variable
+    projection) a few steps suffice. Evaluations are counted anew.
     """
     now = _under(problem, loss, begin)
     _require_reach(
@@ -444,7 +444,7 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
 
 
 def _step(now: _State, moving: Mask, damping: float) -> tuple[Array, float]:
-    """A damped Gauss-Newton step of z (F,), and by how much it promises to lower the cost."""
+    """Damped Gauss-Newton step of z (F,), and the decrease of the cost that it predicts."""
     normal, gradient = now.equations
     normal, gradient = normal[np.ix_(moving, moving)], gradient[moving]
     normal.flat[:: len(normal) + 1] += damping
@@ -460,9 +460,9 @@ class _State:
     at: Linearized
     weight: Array
     cost: float
-    evaluations: int  # on the way here, steps that were not kept among them
+    evaluations: int  # so far, with rejected steps
     expected: Array  # (F,), see `Problem.expected`
-    spread: float  # of the residuals that the loss is made for
+    spread: float  # standard deviation of the residuals that the loss is made for
 
     @cached_property
     def equations(self) -> tuple[Array, Array]:
@@ -486,7 +486,7 @@ def _state(
 
 
 def _under(problem: Problem, loss: _Loss, state: _State) -> _State:
-    """The same state, judged by another loss."""
+    """The same state with weights and cost under another loss, its evaluations set to 0."""
     weight, explained = loss.judge(state.at.residual)
     cost = explained + float(problem.expected @ state.z**2)
     cost = cost if np.isfinite(cost) else np.inf

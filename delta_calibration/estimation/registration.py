@@ -1,9 +1,9 @@
-"""What "before" is, wherever it is said: the machine as it is known, in its best place.
+"""The "before" model of all outputs: the known machine in its best-fit frame.
 
-How the machine stands before the tracker, where the reflector sits on its platform and what the
-robot's file says to be unknown (a tolerance without bounds) are no errors of the machine. They are
-fitted, by their priors, and all else stays as it is known: as drawn, or as the calibration in
-force has it. A fit, a verdict, their pages and the node ask here.
+The tracker's frame, the reflector's offset on the platform and the parameters that the robot file
+declares unknown (a tolerance without bounds) are not errors of the machine. They are fitted, with
+their priors; all other parameters keep their known values: nominal, or those of the active
+calibration. A fit, a verdict, their pages and the node all use this module.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ Mask = NDArray[np.bool_]
 
 
 def placing(problem: Problem) -> Mask:
-    """Which entries of theta place the machine and its reflector, and are no errors, (P,)."""
+    """Mask (P,) of the free frame, offset and mount entries, and of those without a prior."""
     layout = problem.layout
     placed = layout.mask(layout.offset, layout.frame, layout.mount)
     return np.asarray(problem.free & (placed | ~problem.has_prior))
 
 
 def registered(problem: Problem) -> Solution:
-    """The machine as theta0 has it, in the best frame, with the reflector where it fits best.
+    """Fit frame, reflector offset and parameters without prior; hold the rest at theta0.
 
     Args:
-        problem: theta0 is what is known; what is not free in it is held.
+        problem: theta0 is the known machine; parameters that are not free in it stay fixed.
 
     Raises:
         DataError: poses that the machine cannot reach.

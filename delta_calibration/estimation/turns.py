@@ -1,6 +1,6 @@
-"""How the platform is turned, as a probe of six degrees of freedom says it: what a session has.
+"""Orientation measurements of a session, by a probe with six degrees of freedom.
 
-The law is `PoseMeasured` in `measurements.py`.
+The measurement equation is `PoseMeasured` in `measurements.py`.
 """
 
 from __future__ import annotations
@@ -22,17 +22,17 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-9  # [rad] by which turns differ that are one and the same number
+_SAME = 1e-9  # difference of quaternion entries under which they count as one value
 
 
 def turns_of(poses: Poses, robot: Robot, chain: Chain) -> Array | None:
-    """Measured rotations of a session's probe, (n, 3, 3), where they take part.
+    """Measured rotations of a session's probe, (n, 3, 3), or None if they are not fitted.
 
-    They do where the session has them, the robot's file says how sure they are
-    (`tracker.turn_urad`), the platform of the model turns, and they are measured: see `held`.
+    They are fitted if the session has them, the robot file states their noise
+    (`tracker.turn_urad`), the platform of the model rotates, and they were measured: see `held`.
 
     Raises:
-        DataError: a quaternion of no length.
+        DataError: a quaternion of zero length.
     """
     if poses.quaternion is None or not _asked(robot, chain) or held(poses.quaternion):
         return None
@@ -45,18 +45,18 @@ def turns_of(poses: Poses, robot: Robot, chain: Chain) -> Array | None:
 
 
 def never_turned(poses: Poses, robot: Robot, chain: Chain) -> bool:
-    """Whether turns would take part, but the session only has one that never changes."""
+    """Whether rotations would be fitted, but the session has the same one in all poses."""
     asked = poses.quaternion is not None and _asked(robot, chain)
     return asked and held(poses.quaternion)
 
 
 def held(quaternion: Array | None) -> bool:
-    """Whether quaternions (n, 4) are one for all: filled in, and not measured."""
+    """Whether all quaternions (n, 4) are equal: filled in, not measured."""
     return quaternion is not None and bool((np.ptp(quaternion, axis=0) < _SAME).all())
 
 
 def _asked(robot: Robot, chain: Chain) -> bool:
-    """Whether the robot's file says how sure turns are, and the platform turns."""
+    """Whether the robot file states the noise of rotations, and the platform rotates."""
     if robot.tracker.measures != "pose" or robot.tracker.turn is None:
         return False
     mechanism = chain.mechanism
@@ -65,18 +65,18 @@ def _asked(robot: Robot, chain: Chain) -> bool:
 
 
 def with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
-    """A problem of positions, with turns where they take part.
+    """Extend a problem of positions by the measured rotations, if they are fitted.
 
-    How sure a turn is shows in how repeats differ; else the robot's file says it.
+    The noise of a rotation comes from its repeats; if these are too few, from the robot file.
 
     Args:
-        problem: what `prepare` gives.
-        poses: what was measured.
-        robot: says how sure a reading is.
+        problem: as returned by `prepare`.
+        poses: the measured poses.
+        robot: states the noise of a reading.
         noise: of the positions.
 
     Raises:
-        DataError: a quaternion of no length.
+        DataError: a quaternion of zero length.
     """
     chain, start = problem.chain, problem.theta0
     turned, stated = turns_of(poses, robot, chain), robot.tracker.turn
@@ -94,7 +94,7 @@ def with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Pr
 
 
 def mount_of(rotation: Array, chain: Chain, x: Array, theta: Array) -> Array:
-    """How the probe seems to be mounted, (3,) [rad].
+    """Estimate the probe's mounting orientation on the platform, rotation vector (3,) [rad].
 
     Args:
         rotation: of the probe in the tracker's frame, (n, 3, 3).
@@ -112,12 +112,12 @@ def pose_covariance(
 ) -> Array:
     """Covariance of positions and turns together, (n, 6, 6) [m, rad].
 
-    A joint that comes to rest beside its command moves and turns the platform at once.
+    The rest error of a joint shifts and rotates the platform together.
 
     Args:
-        seen: what was measured.
-        poses: the same, with how many readings each is of.
-        robot: says how sure a reading is.
+        seen: the measured poses, as an observation.
+        poses: the same poses, with their numbers of readings.
+        robot: states the noise of a reading.
         chain: nominal, at `theta`.
         noise: of the positions.
         theta: of the chain.

@@ -1,4 +1,4 @@
-"""Whether a fit leaves far more than the noise, why, and what to do about it."""
+"""Warnings about fits whose residuals are far above the noise: the reason and the remedy."""
 
 from __future__ import annotations
 
@@ -8,29 +8,29 @@ from delta_calibration.estimation.fit import Identification
 from delta_calibration.parameters import Parameter
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-_FAR = 2.0  # times the noise of a pose; a fit to enough places leaves 1.0 to 1.3 times
-_LACKING = 2.0  # chi square per degree of freedom from which it is not the number of places
-FOUND = ("least_squares", "alternating")  # methods that come to rest where the misfit is least
-_MOVED = 5.0  # times the noise of a pose, which stops without motion between them differ by
-_TOO_FAR = 10.0  # tolerances: no part is made so badly, somebody mistook a figure
-_TOLD = 3  # parameters by name, at most
-DIAGNOSIS = "diagnosis"  # the method of a fit that has been asked for what it lacks
+_FAR = 2.0  # error left over the noise of a pose; 1.0 to 1.3 if there are enough places
+_LACKING = 2.0  # chi square per degree of freedom from which the model, not the data, is lacking
+FOUND = ("least_squares", "alternating")  # methods that converge to the least misfit
+_MOVED = 5.0  # times the noise: difference of stops that shows an unrecorded motion between them
+_TOO_FAR = 10.0  # tolerances: no part is made so badly; a value in the robot file is wrong
+_TOLD = 3  # largest number of parameters that are named
+DIAGNOSIS = "diagnosis"  # method name of a fit that a diagnosis has extended
 
 
 def doubts(found: Identification) -> tuple[str, ...]:
-    """What to know before a fit is relied on, a sentence each; none where all is well."""
+    """All warnings about a fit, one sentence each; empty if there are none."""
     return tuple(filter(None, (doubt(found), off_the_drawing(found))))
 
 
 def off_the_drawing(found: Identification) -> str:
-    """That the drawing itself is to be checked, where a dimension is ten tolerances off it.
+    """Warning to check the robot file if a dimension is ten tolerances off; else empty.
 
-    The tolerance holds an estimate back: data that take it as far are sure of it.
+    The prior pulls an estimate to its nominal value: only strong data take it so far.
     """
     geometry = found.chain.layout.geometry
     items = found.parameters.items[geometry]
     off = (found.theta - found.parameters.nominal)[geometry]
-    times = np.abs(off) / found.parameters.prior[geometry]  # 0 of a tolerance without bounds
+    times = np.abs(off) / found.parameters.prior[geometry]  # 0 where the tolerance is unbounded
     far = [int(k) for k in np.argsort(-times) if times[k] >= _TOO_FAR]
     if not far:
         return ""
@@ -43,16 +43,16 @@ def off_the_drawing(found: Identification) -> str:
 
 
 def _length(off: float, item: Parameter) -> str:
-    """A deviation for people: mm and mrad where it is a length or an angle."""
+    """Format a deviation, in mm for a length and mrad for an angle."""
     factor, unit = _FOR_PEOPLE.get(item.unit, (1.0, item.unit))
     return f"{factor * off:+.3f} {unit}"
 
 
 def doubt(found: Identification) -> str:
-    """What to know before a fit is relied on, as a sentence; nothing where all is well.
+    """Warning about an error left that is far above the noise, as a sentence; else empty.
 
-    A fit that leaves more than the noise at places it has not seen either lacks something, and
-    leaves as much at those it has seen; or it had too few places to learn its parameters from.
+    Either the model is incomplete, and chi square is large as well; or there were too few places
+    to identify the parameters.
     """
     ratio = found.full.held_out / found.noise.floor
     if ratio <= _FAR:

@@ -1,4 +1,4 @@
-"""Rotations, rigid frames and their alignment, a camera's image."""
+"""Rotations, rigid frames and their alignment, and a pinhole camera."""
 
 from delta_calibration.geometry.camera import Camera
 from delta_calibration.geometry.frames import Frame, align, carried_step

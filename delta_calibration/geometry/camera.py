@@ -1,4 +1,4 @@
-"""A camera as a pinhole: which pixel a point falls on."""
+"""Pinhole camera: projection of points to pixels."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole with square axes and a lens without distortion, or one that was taken out.
+    """Pinhole camera without skew; lens distortion is absent or already corrected.
 
         u = f_u X / Z + c_u        v = f_v Y / Z + c_v
 
@@ -27,7 +27,7 @@ class Camera:
     centre: Array  # c, (2,) [px] where the optical axis meets the image
 
     def __post_init__(self) -> None:
-        """Refuse what makes no image."""
+        """Refuse a focal length or centre that defines no image."""
         for name in ("focal", "centre"):
             value = getattr(self, name)
             if value.shape != (2,) or not np.isfinite(value).all():
@@ -42,12 +42,12 @@ class Camera:
         return np.asarray(self.focal * points[:, :2] / depth + self.centre)
 
     def image_by_point(self, points: Array) -> Array:
-        """Derivative of the pixels, (n, 3) [m] -> (n, 2, 3) [px/m]."""
+        """Derivative of the pixels by the points, (n, 3) [m] -> (n, 2, 3) [px/m]."""
         slope = np.zeros((len(points), 2, 3))
         slope[:, 0, 0], slope[:, 1, 1] = self.focal
         slope[:, :, 2] = -self.focal * points[:, :2] / points[:, 2:]
         return slope / points[:, 2:, None]
 
     def rays(self, pixels: Array) -> Array:
-        """Directions in the camera's frame that fall on pixels, (n, 2) [px] -> (n, 3), z = 1."""
+        """Directions of the pixels in the camera's frame, (n, 2) [px] -> (n, 3), z = 1."""
         return np.column_stack([(pixels - self.centre) / self.focal, np.ones(len(pixels))])

@@ -13,7 +13,7 @@ from delta_calibration.geometry import rotations
 Array = NDArray[np.float64]
 
 _THIN = 1e-6  # ratio of second to largest spread under which points count as lying on one line
-_SMALL = 1e-9  # of the normal equations' diagonal, for what the points do not tell
+_SMALL = 1e-9  # of the normal equations' diagonal, added for what the points do not determine
 
 
 @dataclass(frozen=True)
@@ -25,28 +25,28 @@ class Frame:
 
     @classmethod
     def identity(cls) -> Frame:
-        """The motion that does nothing."""
+        """Return the identity, which moves nothing."""
         return cls(np.eye(3), np.zeros(3))
 
     @classmethod
     def from_vector(cls, vector: Array) -> Frame:
-        """From (6,): rotation vector [rad], translation [m]."""
+        """Build it from (6,): rotation vector [rad], translation [m]."""
         return cls(rotations.exp(vector[:3]), np.array(vector[3:6], dtype=float))
 
     def vector(self) -> Array:
-        """As (6,): rotation vector [rad], translation [m]."""
+        """Return it as (6,): rotation vector [rad], translation [m]."""
         return np.concatenate([rotations.log(self.rotation), self.translation])
 
     def apply(self, points: Array) -> Array:
-        """Points of frame b, (..., 3), in frame a."""
+        """Transform points (..., 3) from frame b to frame a."""
         return points @ self.rotation.T + self.translation
 
     def inverse(self) -> Frame:
-        """`T_b_a`."""
+        """Return the inverse motion, `T_b_a`."""
         return Frame(self.rotation.T, -self.rotation.T @ self.translation)
 
     def __matmul__(self, other: Frame) -> Frame:
-        """`T_a_b @ T_b_c = T_a_c`."""
+        """Compose two motions: `T_a_b @ T_b_c = T_a_c`."""
         return Frame(self.rotation @ other.rotation, self.apply(other.translation))
 
 
@@ -59,11 +59,11 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
     Args:
         source: points, (n, 3) [m].
         target: the same points in the other frame, (n, 3) [m].
-        weights: (n,), equal where not given.
+        weights: (n,), equal if not given.
 
     Raises:
-        DataError: fewer than three points, or all on one line, in either frame: the turn about it
-            is free.
+        DataError: fewer than three points, or all on one line in either frame, about which the
+            rotation is undetermined.
     """
     if len(source) < 3:
         raise DataError(f"a frame needs 3 points or more, found {len(source)}")
@@ -83,22 +83,22 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
 def carried_step(
     turned: Array, about: Array, left: Array, weights: Array, pull: float, toward: Array
 ) -> Array:
-    """How far to move a point that turning bodies carry, while the frame they are seen in follows.
+    """Least-squares step of a point on a rotating body, with the measuring frame free to follow.
 
-    Place, turn and point are one step of least squares: each alone would creep along the valley
-    that the others leave.
+    Translation and rotation of the frame and the point are solved together: one at a time, they
+    would converge slowly along the valley that the others leave.
 
     Args:
-        turned: (n, 3, 3) from the bodies to the frame in which the point is seen.
-        about: (n, 3) [m] predicted points about their middle.
-        left: (n, 3) [m] seen less predicted.
+        turned: (n, 3, 3) rotations from the body to the measuring frame.
+        about: (n, 3) [m] predicted points relative to their mean.
+        left: (n, 3) [m] measured less predicted.
         weights: (n,).
         pull: weight of `toward`.
-        toward: (3,) [m] step to where the point is expected, which decides if the bodies do not
-            turn.
+        toward: (3,) [m] step to the expected point, which determines the result if the body does
+            not rotate.
 
     Returns:
-        (3,) [m], in the bodies.
+        Step of the point, (3,) [m], in the body's frame.
     """
     columns = np.concatenate(
         [-rotations.skew(about), np.broadcast_to(np.eye(3), turned.shape), turned], axis=2

@@ -1,4 +1,4 @@
-"""Halton's points: spread evenly over a box, however many of them are taken."""
+"""Halton sequence: points that cover a box evenly, whatever their number."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ Array = NDArray[np.float64]
 
 
 def halton(count: int, size: int, begin: int = 0) -> Array:
-    """Points of Halton's sequence in the unit cube, (count, size).
+    """Points of the Halton sequence in the unit cube, (count, size).
 
-    Coordinate d of point i has the digits of i to the base of the d-th prime, mirrored about the
-    point: 6 = 110 to base 2 becomes 0.011. As scipy.stats.qmc has it, which takes a quarter of a
-    second to load.
+    Coordinate d of point i has the digits of i in the base of the d-th prime, mirrored about the
+    point: 6 = 110 in base 2 becomes 0.011. scipy.stats.qmc gives the same points, but takes a
+    quarter of a second to load.
 
     Args:
-        count: how many.
-        size: coordinates of a point.
-        begin: the first point's number.
+        count: number of points.
+        size: number of coordinates of a point.
+        begin: index i of the first point.
     """
     points = np.zeros((count, size))
     for d, base in enumerate(_primes(size)):
@@ -31,7 +31,7 @@ def halton(count: int, size: int, begin: int = 0) -> Array:
 
 
 def _primes(count: int) -> list[int]:
-    """The first ones."""
+    """The first `count` primes."""
     found: list[int] = []
     number = 2
     while len(found) < count:

@@ -1,8 +1,8 @@
-"""Rotation vectors and what follows from them, for many samples at once.
+"""Rotation vectors, their matrices, Jacobians and quaternions, for many samples at once.
 
-A rotation vector w (..., 3) [rad] turns by |w| about its own direction; R(w) = exp([w]x). All
-functions here are made of analytic operations only, so that complex-step derivatives pass through
-them.
+A rotation vector w (..., 3) [rad] rotates by |w| about its own direction; R(w) = exp([w]x).
+`skew`, `exp` and the Jacobians consist of analytic operations only, so that complex-step
+derivatives are possible.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
-# squared angle [rad^2] under which the three coefficients come from their series
+# squared angle [rad^2] under which the three coefficients are computed by their series
 _SERIES_BELOW = 1e-4
 
 
@@ -37,7 +37,7 @@ def _coefficients(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[
     a = 1 - t2 / 6 + t2**2 / 120 - t2**3 / 5040
     b = 0.5 - t2 / 24 + t2**2 / 720 - t2**3 / 40320
     c = 1 / 6 - t2 / 120 + t2**2 / 5040
-    if np.all(small):  # tilts of machines are: a milliradian
+    if np.all(small):  # the usual case: tilts of machines are about a milliradian
         return a, b, c
     safe = np.where(small, 1.0, t2)
     t = np.sqrt(safe)
@@ -69,7 +69,7 @@ def _with_right_jacobian(w: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
 
 
 def left_jacobian(w: NDArray[Any]) -> NDArray[Any]:
-    """J with dR = [J dw]x R: the small turn, in fixed axes, of a change of w.  -> (..., 3, 3)."""
+    """J with dR = [J dw]x R: small rotation, in fixed axes, for a change of w.  -> (..., 3, 3)."""
     _, b, c = _coefficients(w)
     k = skew(w)
     return np.asarray(np.eye(3) + b * k + c * (k @ k))
@@ -88,22 +88,22 @@ def to_quaternion(rotation: Array) -> Array:
 
 
 def from_quaternion(quaternion: Array) -> Array:
-    """Rotation matrix of a quaternion x y z w of any length but zero.  (..., 4) -> (..., 3, 3)."""
+    """Rotation matrix of a quaternion x y z w of any nonzero length.  (..., 4) -> (..., 3, 3)."""
     flat = np.asarray(quaternion, dtype=float).reshape(-1, 4)
     return np.asarray(Rotation.from_quat(flat).as_matrix()).reshape((*quaternion.shape[:-1], 3, 3))
 
 
 def about_z(angle: ArrayLike) -> Array:
-    """Rotation about z.  (...,) [rad] -> (..., 3, 3)."""
+    """Rotation matrix about z.  (...,) [rad] -> (..., 3, 3)."""
     turn = np.asarray(angle, dtype=float)
     return exp(np.stack([np.zeros_like(turn), np.zeros_like(turn), turn], axis=-1))
 
 
 def roll_pitch_yaw(rotation: Array) -> Array:
-    """Angles about the fixed x, y and z axes, one after the other, (3, 3) -> (3,) [rad].
+    """Roll, pitch, yaw: successive angles about the fixed x, y, z axes, (3, 3) -> (3,) [rad].
 
-    About z, y and x of the frame as it turns they are the same three, the last one first. Where x
-    stands up, roll and yaw are about one axis; the roll goes by the yaw that came out.
+    They are also the angles about the moving z, y and x axes, in the order yaw, pitch, roll. In
+    gimbal lock (x vertical) roll and yaw are about the same axis; roll then follows from yaw.
     """
     m = rotation
     yaw = np.arctan2(m[1, 0], m[0, 0])

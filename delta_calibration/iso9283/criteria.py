@@ -12,12 +12,13 @@ settling, and the drift of pose characteristics.
     AT = max_s |mean d_s|                      path accuracy, d_s normal to the command path
     RT = max_s (mean l + 3 S_l), likewise      path repeatability
 
-RP comes from the spread of the radii l, not of the coordinates: round scatter of sigma in each
-coordinate has RP = 3.62 sigma. AT and RT are maxima and so grow with the number of stations, which
-is why it belongs to the conditions. AT does not see lag along a line. A frame fitted on the same
-poses flatters AP; AD, RD and RP do not depend on the frame.
+RP is computed from the radii l, not from the coordinates: isotropic normal scatter of sigma in
+each coordinate has RP = 3.62 sigma. AT and RT are maxima and so grow with the number of stations,
+which is therefore a part of the conditions. AT does not show lag along a line. A frame fitted on
+the same poses makes AP too small; AD, RD and RP do not depend on the frame.
 
-Every function takes one pose or many: axes before the cycles are poses, and stay in the result.
+The functions of positions take one pose or many: array axes before that of the cycles are poses
+and stay in the result.
 """
 
 from __future__ import annotations
@@ -36,13 +37,13 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Conditions:
-    """How often a test is repeated, and in how many places a path is judged."""
+    """Test conditions: number of cycles, stations of a path, speed and load."""
 
     name: str
     position_cycles: int  # AP, RP; vAP: in each direction
     distance_cycles: int  # AD, RD
     path_cycles: int  # AT, RT
-    stations: int = 101  # along a path, ends included
+    stations: int = 101  # points along a path at which it is evaluated, ends included
     speed_fraction: float = 1.0  # of the rated speed
     load_fraction: float = 1.0  # of the rated load
 
@@ -67,7 +68,7 @@ DELTA_PAPER = Conditions(
 
 @dataclass(frozen=True)
 class Criterion:
-    """One criterion of the standard, of one pose () or many (...,)."""
+    """Value of one criterion of the standard, for one pose () or many (...,)."""
 
     symbol: str
     value: Array  # (...,) [m]
@@ -77,14 +78,14 @@ class Criterion:
 
 @dataclass(frozen=True)
 class PositionAccuracy(Criterion):
-    """AP: how far the middle of the attained positions lies from the commanded one."""
+    """AP: distance of the barycentre of the attained positions from the commanded one."""
 
     offset: Array  # (..., 3) [m] mean attained less commanded
 
 
 @dataclass(frozen=True)
 class PositionRepeatability(Criterion):
-    """RP: radius of the sphere about the middle that holds nearly all attempts."""
+    """RP: radius of the sphere about the barycentre that holds nearly all attempts."""
 
     mean_radius: Array  # (...,) [m]
     radius_std: Array  # (...,) [m] S_l
@@ -92,7 +93,7 @@ class PositionRepeatability(Criterion):
 
 @dataclass(frozen=True)
 class DistanceAccuracy(Criterion):
-    """AD: how much too long the attained distances are on average, signed."""
+    """AD: mean attained distance less the commanded one, signed."""
 
     commanded: Array  # (...,) [m] D_c
 
@@ -101,8 +102,8 @@ class DistanceAccuracy(Criterion):
 class PathCriterion(Criterion):
     """AT or RT: a maximum over the stations of a path."""
 
-    stations: Array  # (s, 3) [m] where the command path was judged
-    profile: Array  # (s,) [m] the criterion before the maximum
+    stations: Array  # (s, 3) [m] points of the command path at which it was evaluated
+    profile: Array  # (s,) [m] value at each station; the criterion is its maximum
 
 
 def position_accuracy(
@@ -198,15 +199,15 @@ def path_deviations(
     """Return the stations (s, 3) [m] and each attempt's deviation there (n, s, 3) [m].
 
     The stations lie at equal arc lengths along the command. Each sample of an attempt is projected
-    on the path between them, which tells how far along it is; the attempt is interpolated to the
-    stations by that length, and what is left of its deviation in the plane normal to the command
-    is returned. A command that ends where it began is a closed path. Run-in and run-out beyond
-    the ends do not count. A path that crosses or retraces itself has to be judged in parts.
+    on the path, which gives its arc length and its deviation; the deviation is interpolated to the
+    stations by arc length, and its part in the plane normal to the command is returned. A command
+    that ends where it began is a closed path. Run-in and run-out beyond the ends do not count. A
+    path that crosses or retraces itself has to be evaluated in parts.
 
     Args:
-        command: The commanded path (k, 3) [m], in order, and finely where it is curved.
+        command: The commanded path (k, 3) [m], in order, with closely spaced points on curves.
         attempts: The attained paths, (k_j, 3) [m] each; any number of samples, any timing.
-        conditions: How many attempts there have to be, and how many stations.
+        conditions: Give the least number of attempts and the number of stations.
 
     Raises:
         InputError: if a shape is wrong, a value is not finite, the attempts are too few, the

@@ -1,7 +1,7 @@
 """The poses and paths of ISO 9283's test, in one diagonal plane of a cube.
 
-From general knowledge of the standard, not from its text. Which corners make a plane, and the 10
-and 80 %, are the standard's; on which corner of the cube the numbering starts is our choice.
+From general knowledge of the standard, not from its text. The corners of each plane and the 10 and
+80 % are those of the standard; the corner at which the numbering starts is our choice.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class Cube:
     side: float  # [m]
 
     def __post_init__(self) -> None:
-        """Refuse a cube without a place or a size."""
+        """Refuse a centre that is not three finite lengths, or a side not above 0."""
         if np.shape(self.centre) != (3,) or not np.all(np.isfinite(self.centre)):
             raise InputError(f"centre is {self.centre}; it has to be three finite lengths")
         if not (np.isfinite(self.side) and self.side > 0.0):
@@ -70,7 +70,7 @@ class Cube:
     def circle(
         self, plane: str = "C1-C2-C7-C8", stations: int = 101, *, small: bool = False
     ) -> Array:
-        """Return the circular test path about P1 (stations, 3) [m], its last station the first.
+        """Return the circular test path about P1 (stations, 3) [m]; the last station is the first.
 
         The diameter is 80 % of the side, or a tenth of that if `small`.
         """

@@ -1,4 +1,4 @@
-"""A commanded path as stations at equal arc lengths, and what was attained laid over it."""
+"""Commanded path with stations at equal arc lengths, and deviations of attained paths from it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from delta_calibration.errors import DataError, InputError
 
 Array = NDArray[np.float64]
 
-FINE = 20  # pieces between stations on which samples are projected
-LONGEST_HOLE = 10.0  # spacings of stations; where more is missing, data were lost
+FINE = 20  # straight pieces between stations, on which samples are projected
+LONGEST_HOLE = 10.0  # spacings of stations; a longer gap between samples is a loss of data
 
 
 @dataclass(frozen=True)
 class Path:
-    """Stations along a path; a closed one has its first station again as its last.
+    """Stations along a path; the last station of a closed path is its first.
 
-    A path that crosses or retraces itself is not told apart from itself: judge it in parts.
+    The parts of a path that crosses or retraces itself cannot be told apart: evaluate each alone.
     """
 
     stations: Array  # (s, 3) [m]
-    fine: Array  # (FINE (s - 1) + 1, 3) [m] the command itself, as finely as it was given
+    fine: Array  # (FINE (s - 1) + 1, 3) [m] the command, interpolated at equal arc lengths
     closed: bool
 
     @classmethod
@@ -34,7 +34,7 @@ class Path:
         It is closed if it ends, within a hundredth of a spacing, where it began.
 
         Args:
-            command: Points (k, 3) [m], in order; standing still in between does no harm.
+            command: Points (k, 3) [m], in order; repeated points are allowed.
             count: Number of stations s, at least 5.
 
         Raises:
@@ -53,16 +53,16 @@ class Path:
         return path
 
     def deviation(self, x: Array, name: str = "attempt") -> Array:
-        """Return how far an attempt is off at each station, normal to the path; (s, 3) [m].
+        """Return the deviation of an attempt at each station, normal to the path; (s, 3) [m].
 
-        Each sample is projected on the path, which tells how far along it is and how far off; by
-        that length its offset is interpolated to the stations. Offsets, not places: between two
-        samples on a bend the straight line would cut the corner. When each sample was taken does
-        not matter.
+        Each sample is projected on the path, which gives its arc length and its offset; offsets
+        are interpolated to the stations by arc length. Offsets, not positions, are interpolated:
+        the straight line between two samples on a bend would cut the corner. The times of the
+        samples do not matter.
 
         Args:
             x: Samples of the attempt (k, 3) [m].
-            name: What to call it in messages.
+            name: Name of the attempt in messages.
 
         Raises:
             DataError: if the attempt leaves out a part of the path.
@@ -71,7 +71,7 @@ class Path:
         along, off = self._offsets(x)
         order = np.argsort(along, kind="stable")
         along, off = along[order], off[order]
-        if self.closed:  # the last sample comes again before the first, the first after the last
+        if self.closed:  # repeat the last sample before the first, and the first after the last
             along = np.concatenate([along[-1:] - arc[-1], along, along[:1] + arc[-1]])
             off = np.concatenate([off[-1:], off, off[:1]])
         _require_whole(along, arc, name)
@@ -80,16 +80,16 @@ class Path:
         return np.asarray(off - np.sum(off * tangent, axis=1, keepdims=True) * tangent)
 
     def _offsets(self, x: Array) -> tuple[Array, Array]:
-        """Return the arc lengths (k,) [m] of the samples on the path, and how far off they are.
+        """Return arc lengths (k,) [m] and offsets (k, 3) [m] of the samples from the path.
 
-        An open path goes on straight for one spacing at both ends; samples beyond are left out.
+        An open path is extended straight by one spacing at both ends; samples beyond are left out.
         """
         arc = _arc(self.fine)
         start, run = self.fine[:-1], np.diff(self.fine, axis=0)
         low, high = np.zeros(len(run)), np.ones(len(run))
         if not self.closed:
             low[0], high[-1] = -FINE, 1.0 + FINE
-        vertex = cKDTree(self.fine).query(x)[1]  # of equal pieces the nearest is beside it
+        vertex = cKDTree(self.fine).query(x)[1]  # pieces are equal: the nearest adjoins its vertex
         pieces = np.clip(vertex[:, None] + [-1, 0], 0, len(run) - 1)
         t = np.sum((x[:, None] - start[pieces]) * run[pieces], axis=-1)
         t = np.clip(t / np.sum(run[pieces] ** 2, axis=-1), low[pieces], high[pieces])
@@ -106,7 +106,7 @@ class Path:
         return np.asarray(chords / np.linalg.norm(chords, axis=1, keepdims=True))
 
     def _chords(self) -> Array:
-        """Return half of what lies between each station's neighbours, (s, 3) [m]."""
+        """Return half of the chord between the neighbours, a step at open ends; (s, 3) [m]."""
         chords = np.gradient(self.stations, axis=0)
         if self.closed:
             chords[[0, -1]] = 0.5 * (self.stations[1] - self.stations[-2])
@@ -114,7 +114,7 @@ class Path:
 
 
 def _require_whole(along: Array, arc: Array, name: str) -> None:
-    """Raise DataError unless samples at `along` go from end to end without a long hole."""
+    """Raise DataError unless samples at `along` go from end to end without a long gap."""
     step = float(arc[1])
     if not len(along) or along[0] > step or along[-1] < arc[-1] - step:
         raise DataError(f"{name} does not go from end to end of the command path")
@@ -132,5 +132,5 @@ def _arc(points: Array) -> Array:
 
 
 def _interpolated(at: Array, along: Array, points: Array) -> Array:
-    """Return the points (k, 3) that stand at `along` (k,), interpolated to `at` (s,); (s, 3)."""
+    """Return points (k, 3) at arc lengths `along` (k,), interpolated to `at` (s,); (s, 3)."""
     return np.stack([np.interp(at, along, column) for column in points.T], axis=1)

@@ -1,8 +1,8 @@
-"""Constants of the compiled chain, for its loops and for those who call them.
+"""Constants of the compiled chain, for its loops and their callers.
 
-What an effect may take of a sample are named numbers in one row (`effects/signals.py`). Of most of
-them the chain knows nothing; it has to find those of `NAMES`. Their places in the row are handed
-to it as `Stages.at`, in this order: `at[POSE]` is where the pose begins.
+Effects read the signals of a sample, named numbers in one row (`effects/signals.py`). The chain
+itself uses only those of `NAMES`. Their places in the row are passed to it as `Stages.at`, in this
+order: `at[POSE]` is where the pose begins.
 """
 
 from __future__ import annotations
@@ -46,25 +46,25 @@ NAMES = (
     READING_RATE,
 ) = range(len(NAMES))
 
-# Loads are asked for by a sum of these.
+# Flags of the loads to evaluate; their sum is passed as `asked`.
 OF_WEIGHT, OF_INERTIA, OF_PULLS, OF_DIMENSIONS, OF_REACTION = 1, 2, 4, 8, 16
 OF_CARRIED, OF_TIGHTNESS = 32, 64
 
-# Of what derivatives are asked for.
+# Which derivatives to compute: none, of readings, of poses.
 NOTHING, READINGS, POSES = range(3)
 
 FREE_FALL = 9.80665  # [m/s^2] standard acceleration (ISO 80000-3)
-MOMENT = 5e-3  # [s] over which a motion is differenced
-STEPS = 25  # of Newton's method
-SIDES = 12  # that may be derived at once: a place of a tool that is turned has as many
-ROUNDS = 12  # of effects at the pose that they lead to, and of poses that are aimed at
+MOMENT = 5e-3  # [s] time step of the finite differences along a motion
+STEPS = 25  # largest number of Newton steps
+SIDES = 12  # most outputs differentiated at once: a tool place with rotation has as many
+ROUNDS = 12  # most rounds of the effects at a pose, and most steps of a pose to its target
 STRAY = 1e-9  # a closure larger than this [m^2] after the last step is no solution
-SETTLED_STEP = 1e-11  # [m, rad] last of Newton's; what is left is of the order of its square
-LEFT = 1e-14  # [m, rad] that a step, or a round of effects, leaves where it is the last one
-SMALL_STEP = 1e-7  # [m, rad] from which on what is left is known by the step before
-ON_THE_WAY = 0.1  # of the way: a step after which a pose is near enough to lead on to the next
-LEADS_ON = 0.01  # of the way to a pose: what a step leaves of it that leads there
-SETTLED_POSE = 1e-12  # [m, rad] by which a round moves a pose
-AIMED = 1e-9  # [m] by which a tool may miss its target after the last step, effects and all
-SAME_POSE = 1e-6  # [m, rad] by which poses that are one differ at most
-JOINED = 1e-9  # [rad, m] by which joints that are brought to a pose still move
+SETTLED_STEP = 1e-11  # [m, rad] last Newton step; the error left is of the order of its square
+LEFT = 1e-14  # [m, rad] estimated error left, at which a step or a round of effects is the last
+SMALL_STEP = 1e-7  # [m, rad] smaller steps: the error left is estimated from the step before
+ON_THE_WAY = 0.1  # of the way: a step this small ends an intermediate stage (`kernels.lead`)
+LEADS_ON = 0.01  # of the distance to a pose: a step that leaves no more converges to that pose
+SETTLED_POSE = 1e-12  # [m, rad] a round that moves the pose no more than this is the last
+AIMED = 1e-9  # [m] largest miss of a tool's target after the last step, effects included
+SAME_POSE = 1e-6  # [m, rad] poses that differ by no more are the same
+JOINED = 1e-9  # [rad, m] last step of joints that are solved for a pose

@@ -1,4 +1,4 @@
-"""How functions are compiled: without fast mathematics, and kept for later processes."""
+"""Compilation of functions: without fast mathematics, cached for later processes."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _LAW = types.void(types.CPointer(types.float64))  # type: ignore[no-untyped-call
 _STRICT = {"error_model": "numpy"}
 _CONTRACTED = {**_STRICT, "fastmath": {"contract"}}
 _IMPORT = re.compile(r"^from (delta_calibration[.\w]*) import", re.MULTILINE)
-_LOADED: list[Any] = []  # their code lives as long as they do
+_LOADED: list[Any] = []  # keeps the compiled laws, and so their code, alive
 
 
 def compiled(
@@ -41,23 +41,22 @@ def compiled(
     borrows: bool = False,
     alone: bool = False,
 ) -> Callable[[_Function], _Function]:
-    """Compile a function, at once if it has a signature, and keep the result for later processes.
+    """Compile a function, at once if it has a signature, and cache the result for later processes.
 
-    What was kept is thrown away when the function's own file changes. Functions and constants of
-    other files become part of this one as well: the sources of those of the package that its own
-    file imports from are part of the name that the result is kept under. Where no
-    folder can be written (installed by root, run by a user without a home), each process compiles
-    for itself.
+    The cached code is discarded when the function's own file changes. Functions and constants of
+    other files are compiled into it as well: therefore the sources of the package's files that its
+    own file imports from are part of its name in the cache. Where no folder can be written
+    (installed by root, run by a user without a home), each process compiles for itself.
 
     With `contract` a product and the sum it goes into may be rounded once instead of twice, where
     the processor has an instruction for both.
 
-    A function that `borrows` makes no array and returns none: it works in those that it is handed,
-    and does not count who holds them. Counting the arrays of a machine at every call of a small
-    function costs more than its work.
+    A function that `borrows` makes no array and returns none: it works in the arrays that it is
+    given, without counting references. To count those of all arrays of a machine at every call of
+    a small function would cost more than its work.
 
-    One that works in what it is handed for longer than a call is `alone`: no other thread of
-    Python runs beside it.
+    A function that is given scratch arrays which outlive the call is `alone`: it holds Python's
+    global lock, so that no other thread runs beside it.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
     options: dict[str, Any] = {**(_CONTRACTED if contract else _STRICT)}
@@ -78,10 +77,10 @@ def law(function: Any, digest: str, lanes: tuple[int, ...] = ()) -> int:
 
     Args:
         function: of a generated file.
-        digest: of that file; part of the name that the machine code is kept under, since a file
+        digest: of that file; part of the name of the machine code in the cache, since a file
             may change and have the same length and date.
-        lanes: of a law of lanes first and count of the inputs and of the outputs that each lane
-            has its own of, and the workspace's size: how many they are is its last number.
+        lanes: for a law of lanes, first slot and count of the inputs that each lane has of its
+            own, the same of the outputs, and the workspace's size; its last number is their count.
     """
     own = f"{function.__qualname__}_{digest}_{_digest(_sources(lowering.__name__))}"
     function.__qualname__ = own
@@ -92,7 +91,7 @@ def law(function: Any, digest: str, lanes: tuple[int, ...] = ()) -> int:
 
 @cache
 def idle() -> int:
-    """Address of a stage in which there is nothing to do."""
+    """Address of a stage that does nothing."""
 
     def nothing(w: Any) -> None:
         pass
@@ -108,7 +107,7 @@ def _digest(text: str) -> str:
 
 @cache
 def _sources(name: str) -> str:
-    """Of a module, and of those of the package that it reaches by imports, each once."""
+    """Source text of a module and of all package modules that its imports reach, each once."""
     found: dict[str, str] = {}
     todo = [name]
     while todo:
@@ -122,7 +121,7 @@ def _sources(name: str) -> str:
 
 @cache
 def _taken_from(module: ModuleType) -> tuple[str, ...]:
-    """Modules of the package, and of compiled functions, that one imports from; not this one."""
+    """Modules of the package or of compiled functions that one imports from; not this one."""
     text = Path(str(module.__file__)).read_text(encoding="utf-8")
     values = vars(module).values()
     functions = {v.py_func.__module__ for v in values if isinstance(v, CPUDispatcher)}
@@ -131,14 +130,14 @@ def _taken_from(module: ModuleType) -> tuple[str, ...]:
 
 
 class _Kept(FunctionCache):  # type: ignore[misc,unused-ignore]
-    """Machine code that is kept for later processes, unless another version made it.
+    """Cache of machine code for later processes that ignores what another version made.
 
-    numba looks who made it after it has loaded it, and cannot load what names a class or a module
-    that there is no more.
+    numba checks the version only after loading an entry, and cannot load an entry that names a
+    class or a module which no longer exists.
     """
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was kept for a signature; None where there is nothing, or nothing of use."""
+        """Load the cached code of a signature; None if there is none that can be used."""
         try:
             kept: Any = super()
             return kept.load_overload(sig, target_context)
@@ -150,7 +149,7 @@ class _Kept(FunctionCache):  # type: ignore[misc,unused-ignore]
 def _kept(make: Any, function: Any, signature: Any, **options: Any) -> Any:
     try:
         made = make(signature, cache=True, **options)(function)
-    except RuntimeError:  # no folder to keep it in
+    except RuntimeError:  # no folder for the cache
         return make(signature, **options)(function)
     if isinstance(made, CPUDispatcher):
         keep: Any = _Kept  # typed in some of numba's versions, in others not
@@ -180,25 +179,25 @@ class RecordType(types.StructRef):  # type: ignore[misc,unused-ignore]
     """Type of the records of one class, by the types of their fields, see `record`."""
 
     def __init__(self, fields: Any) -> None:
-        """Named by a digest: a record of records of records has a name of a page."""
+        """Name the type by a digest: the name of nested records would fill a page."""
         super().__init__(fields)  # type: ignore[no-untyped-call,unused-ignore]
         self.name = f"{type(self).__name__}_{_digest(self.name)}"
 
     def preprocess_fields(self, fields: Any) -> Any:
-        """Any values whatever."""
+        """Allow fields of any type."""
         unliteral: Any = types.unliteral
         return tuple((name, unliteral(kind)) for name, kind in fields)
 
 
 class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
-    """A record as Python holds it: its fields can be read, and do not change."""
+    """A record in Python: its fields can be read but not changed."""
 
     _fields: ClassVar[tuple[str, ...]]
     _make: ClassVar[Any]
     _read: ClassVar[Any]
 
     def __new__(cls, *values: Any, **named: Any) -> Any:
-        """Of the values of all fields."""
+        """Make a record from the values of all fields."""
         every = (*values, *(named[name] for name in cls._fields[len(values) :]))
         made = cls._make(every)
         made.values = every
@@ -206,15 +205,15 @@ class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
 
     @cached_property
     def values(self) -> tuple[Any, ...]:
-        """Of all fields; of a record that compiled code has made, they are read out of it."""
+        """Values of all fields; those of a record that compiled code has made are read from it."""
         return tuple(type(self)._read(self))
 
     def __iter__(self) -> Iterator[Any]:
-        """Over the values."""
+        """Iterate over the values."""
         return iter(self.values)
 
     def __getattr__(self, name: str) -> Any:
-        """A field.
+        """Return the value of a field.
 
         Raises:
             AttributeError: no such field.
@@ -225,17 +224,17 @@ class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
 
 
 def record(kind: type[_Kind]) -> type[_Kind]:
-    """Let records of this class of named fields be handed on by reference, compiled and not.
+    """Turn a class of named fields into records that are passed by reference, compiled or not.
 
-    A named tuple is handed to a compiled function array by array, which takes longer than the
-    work of a small one. Of a record only its address goes there.
+    A named tuple is passed to a compiled function array by array, which takes longer than the
+    work of a small function. Of a record only the address is passed.
     """
     module, name = sys.modules[kind.__module__], kind.__name__
     fields: tuple[str, ...] = kind._fields  # type: ignore[attr-defined]
     names = {"__module__": module.__name__}
     form = type(f"{name}Type", (RecordType,), names)
     _register(form)
-    setattr(module, f"{name}Type", form)  # where it is looked for by what was kept
+    setattr(module, f"{name}Type", form)  # where cached code looks for it
     made = type(name, (Record,), {**names, "__doc__": kind.__doc__, "_fields": fields})
     _structref.define_constructor(made, form, fields)
     _structref.define_boxing(form, made)
@@ -244,10 +243,10 @@ def record(kind: type[_Kind]) -> type[_Kind]:
 
 
 def _register(form: Any) -> None:
-    """Let compiled functions hold records of this type, make them and read their fields.
+    """Register a record type with numba: compiled functions can make and read its records.
 
-    Theirs is the way of numba's `structref`, which counts who holds a record whenever it is read.
-    A function that `borrows` does not count.
+    This follows numba's `structref`, which counts the references to a record at every read. A
+    function that `borrows` does not count.
     """
     _models.default_manager.register(form, _models.models.StructRefModel)
     _structref.define_attributes(form)
@@ -256,7 +255,7 @@ def _register(form: Any) -> None:
 
 
 def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    """A field of a record: its memory is what numba's reference count stands in front of."""
+    """Read a field of a record, whose data lie in memory behind numba's reference count."""
     record = _proxy(kind)(context, builder, value=value)
     counted = builder.bitcast(record.meminfo, _COUNTED.as_pointer())
     content = context.data_model_manager[kind.get_data_type()].get_value_type().as_pointer()
@@ -266,7 +265,7 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 
 def _reader(fields: tuple[str, ...]) -> Any:
-    """What gives all fields of a record; compiled on its first use, which few things need."""
+    """Make the function that reads all fields of a record; compiled on its first, rare use."""
     code = f"def read(own): return ({', '.join(f'own.{name}' for name in fields)},)"
     names: dict[str, Any] = {}
     exec(code, names)

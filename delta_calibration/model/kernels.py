@@ -1,7 +1,7 @@
 """Loops over samples for any mechanism: its limbs' law is called by its address.
 
-A mechanism is limbs, each with some rows of the closure, some of the joints and some of the
-dimensions, all of one law. `Limbs` holds what the loops need of it (see `mechanisms/base.py`):
+A mechanism consists of limbs that share one law; each limb has some rows of the closure, some
+joints and some dimensions. `Limbs` holds what the loops need of it (see `mechanisms/base.py`):
 
     law (4,)         addresses: setup, shared, near, full (law.py)
     at (10,)         places in a limb's workspace: q, x, g, c, f, f_x, f_q, f_g, shared from, to
@@ -12,11 +12,11 @@ dimensions, all of one law. `Limbs` holds what the loops need of it (see `mechan
     fixed (c,)       dimensions of the drawing that are no parameters
     sizes (5,)       joints m, pose k, dimensions p, closures R, commanded coordinates t
     most (R,)        largest closure that counts as closed
-    sense, zero (m,) how the drives read, see mechanisms/drives.py: a law has the mechanism's own
-                     joints, all else the readings
+    sense, zero (m,) of the drives' readings, see mechanisms/drives.py: a law uses the mechanism's
+                     own joints, everything else the readings
 
-Everything is per sample, in scratch arrays that a call makes once; a sample without an answer
-becomes NaN. Dimensions come as (1, p) for all samples or (n, p).
+Everything is per sample, in scratch arrays that a call makes once; a sample without a solution
+becomes NaN. Dimensions are (1, p) for all samples or (n, p).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _DAMPED_STEPS = 200
 
 @record
 class Limbs(NamedTuple):
-    """A mechanism's law and which of its limbs takes what; see above."""
+    """A mechanism's law, and the joints, dimensions and closures of each limb; see above."""
 
     law: Index
     at: Index
@@ -69,23 +69,23 @@ class Room(NamedTuple):
     by_q: Array  # (R, m)
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
-    factor: Array  # (k, k + 2) triangles of f_x, rows that were exchanged, one over the diagonal
+    factor: Array  # (k, k + 2) factors of f_x, its row exchanges, one over its diagonal
     weight: Array  # (R,) of the closures
-    step: Array  # of unknowns, or a weight a side
-    way: Array  # (m,)
+    step: Array  # of the unknowns, or a weight for each output
+    way: Array  # (m,) joints of a stage on the way
     past: Array  # (k,) pose of the stage before, on the way
-    stage: Array  # (2,) that the limbs are placed at, and 1 where `factor` is of that place; or 0
+    stage: Array  # (2,) last stage evaluated, or 0; 1 if `factor` is of the same place, else 0
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
 SETUP, SHARED, NEAR, FULL = range(4)
-BESIDE = NEAR  # the stage whose derivatives by the joints are asked for, beside those by the pose
+BESIDE = NEAR  # the stage where derivatives by the joints are needed, besides those by the pose
 M, K, P, R, T = range(5)
 
 
 @compiled()
 def room(limbs: Limbs, size: int) -> Room:
-    """Scratch; `size` is that of a limb's workspace."""
+    """Allocate scratch; `size` is that of a limb's workspace."""
     m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[P], limbs.sizes[R]
     wide = max(k, max(r, m + k))
     work = np.zeros((len(limbs.joints), size))
@@ -111,7 +111,7 @@ def room(limbs: Limbs, size: int) -> Room:
 
 @compiled(borrows=True)
 def fill(values: Array, value: float) -> None:
-    """Set all of an array of two axes to a value."""
+    """Set all elements of a two-dimensional array to a value."""
     for i in range(values.shape[0]):
         for j in range(values.shape[1]):
             values[i, j] = value
@@ -135,7 +135,7 @@ def same(values: Array, others: Array) -> bool:
 
 @compiled(borrows=True)
 def solve(system: Array, size: int, sides: int) -> bool:
-    """Solve size equations for the right sides behind them, in place; False if singular."""
+    """Solve `size` equations for the right-hand sides behind them, in place; False if singular."""
     width = size + sides
     for k in range(size):
         best, most = k, abs(system[k, k])
@@ -163,7 +163,7 @@ def solve(system: Array, size: int, sides: int) -> bool:
 
 @compiled(borrows=True)
 def solve_definite(system: Array, size: int, sides: int) -> bool:
-    """The same of a symmetric, positive definite system, of which the upper half is read."""
+    """Solve as `solve` a symmetric, positive definite system; only its upper half is read."""
     width = size + sides
     for k in range(size):
         own = system[k]
@@ -181,7 +181,7 @@ def solve_definite(system: Array, size: int, sides: int) -> bool:
 
 @compiled(borrows=True)
 def solve_upper(system: Array, size: int, sides: int) -> None:
-    """Solve an upper triangular system for the right sides behind it, in place."""
+    """Solve an upper triangular system for the right-hand sides behind it, in place."""
     for k in range(size - 1, -1, -1):
         own = system[k]
         inverse = 1.0 / own[k]
@@ -194,7 +194,7 @@ def solve_upper(system: Array, size: int, sides: int) -> None:
 
 @compiled(borrows=True)
 def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
-    """Give the limbs these dimensions (p,)."""
+    """Set the dimensions (p,) of the limbs."""
     p = limbs.sizes[P]
     room.stage[0] = room.stage[1] = 0.0
     for limb in range(len(limbs.params)):
@@ -207,7 +207,7 @@ def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
 
 @compiled(borrows=True)
 def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
-    """The mechanism's own joint where its drive reads this."""
+    """Convert the reading of a drive to the mechanism's own joint."""
     return float(limbs.sense[joint] * (reading - limbs.zero[joint]))
 
 
@@ -215,7 +215,7 @@ def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`.
 
-    Where they stand there already, nothing is evaluated again.
+    If the limbs are at this place already, nothing is evaluated again.
     """
     if room.stage[0] < stage or not _placed(limbs, q, x, room.work):
         _place_limbs(limbs, q, x, stage, room.work)
@@ -227,14 +227,14 @@ def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
 def place_in(
     limbs: Limbs, q: Array, x: Array, stage: int, every: Array, f: Array, by_x: Array
 ) -> None:
-    """The same in workspaces (L, s) that have the dimensions: closures (R,), slopes (R, k)."""
+    """Evaluate as `place`, in other workspaces (L, s) that have the dimensions."""
     _place_limbs(limbs, q, x, stage, every)
     _gather(limbs, every, f, by_x)
 
 
 @compiled(borrows=True)
 def _placed(limbs: Limbs, q: Array, x: Array, every: Array) -> bool:
-    """Whether the workspaces (L, s) are of these joints (m,) and this pose (k,)."""
+    """Whether the workspaces (L, s) are at these joints (m,) and this pose (k,)."""
     to_q, to_x = limbs.at[Q], limbs.at[X]
     if not same(every[0][to_x : to_x + len(x)], x):
         return False
@@ -248,7 +248,7 @@ def _placed(limbs: Limbs, q: Array, x: Array, every: Array) -> bool:
 
 @compiled(borrows=True)
 def _place_limbs(limbs: Limbs, q: Array, x: Array, stage: int, every: Array) -> None:
-    """Evaluate the law of all limbs; what goes with the pose alone is kept while that stays."""
+    """Evaluate the law of all limbs; what depends on the pose alone is kept while that stays."""
     at, law, joints = limbs.at, limbs.law, limbs.joints
     to_q, to_x, k = at[Q], at[X], len(x)
     known = same(every[0][to_x : to_x + k], x)
@@ -268,7 +268,7 @@ def _place_limbs(limbs: Limbs, q: Array, x: Array, stage: int, every: Array) -> 
 
 @compiled(borrows=True)
 def _gather(limbs: Limbs, every: Array, f: Array, by_x: Array) -> None:
-    """Closures (R,) and their slopes by the pose (R, k) out of the workspaces (L, s)."""
+    """Copy closures (R,) and their derivatives by the pose (R, k) from the workspaces (L, s)."""
     rows, from_f, from_x, k = limbs.rows, limbs.at[F], limbs.at[F_X], by_x.shape[1]
     for limb in range(len(rows)):
         work = every[limb]
@@ -318,7 +318,7 @@ def squares(slope: Array, system: Array) -> None:
 
 @compiled(borrows=True)
 def normal_equations(slope: Array, f: Array, system: Array) -> None:
-    """The same, and slope^T f of f (r,) behind it."""
+    """Upper half of slope^T slope, and slope^T f of f (r,) behind it, into `system`."""
     r, k = slope.shape
     squares(slope, system)
     for i in range(k):
@@ -330,7 +330,7 @@ def normal_equations(slope: Array, f: Array, system: Array) -> None:
 
 @compiled(borrows=True)
 def towards(room: Room, r: int, k: int) -> bool:
-    """Newton's step in the pose, f_x^+ f, into `step`; False where there is none."""
+    """Compute Newton's step in the pose, f_x^+ f, into `step`; False if f_x is singular."""
     system, by_x, f, step = room.system, room.by_x, room.f, room.step
     if r == k:
         for i in range(k):
@@ -350,9 +350,9 @@ def towards(room: Room, r: int, k: int) -> bool:
 
 @compiled(borrows=True)
 def factored(limbs: Limbs, room: Room) -> bool:
-    """Triangles of f_x where the limbs are placed, for any number of `along` and `weigh`.
+    """Factorise f_x where the limbs are placed, for any number of `along` and `weigh`.
 
-    Of f_x^T f_x where closures outnumber coordinates; False if it is singular.
+    Factorises f_x^T f_x if closures outnumber coordinates; False if it is singular.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
     if room.stage[1] > 0.0:
@@ -371,7 +371,7 @@ def factored(limbs: Limbs, room: Room) -> bool:
 
 @compiled(borrows=True)
 def _triangles(factor: Array, size: int) -> bool:
-    """P A = L U in place; behind it which row came to each, and one over the diagonal of U."""
+    """P A = L U in place; behind it the row exchanges, and one over the diagonal of U."""
     for k in range(size):
         best, most = k, abs(factor[k, k])
         for i in range(k + 1, size):
@@ -399,7 +399,7 @@ def _triangles(factor: Array, size: int) -> bool:
 
 @compiled(borrows=True)
 def _halved(factor: Array, size: int) -> bool:
-    """The same, A = U^T D^-1 U, of a symmetric, positive definite one by its upper half."""
+    """A = U^T D^-1 U in place, for a symmetric, positive definite A by its upper half."""
     for k in range(size):
         own = factor[k]
         if not own[k] > 0.0:  # zero, below it by rounding, or NaN
@@ -430,7 +430,7 @@ def _down(factor: Array, size: int, values: Array) -> None:
 
 @compiled(borrows=True)
 def _down_half(factor: Array, size: int, values: Array) -> None:
-    """The same after `_halved`."""
+    """Solve for values (size,) in place, after `_halved`."""
     for k in range(size):
         own = factor[k]
         value = values[k] * own[size + 1]
@@ -471,8 +471,8 @@ def _across(factor: Array, size: int, values: Array) -> None:
 def along(limbs: Limbs, joints: Array, room: Room) -> None:
     """f_x^+ (f + f_q joints), into `step`: Newton's step in the pose while joints (m,) move.
 
-    After `factored`. `f` may be another rate of the closures by then. Where the limbs were placed
-    with their derivatives by the joints, `BESIDE`; `f` is used up.
+    After `factored`, with the limbs placed `BESIDE`, so that they have their derivatives by the
+    joints. `f` may be another rate of the closures by then; it is overwritten.
     """
     count, from_q, f = limbs.joints.shape[1], limbs.at[F_Q], room.f
     for limb in range(len(limbs.joints)):
@@ -504,9 +504,10 @@ def closing(limbs: Limbs, room: Room) -> None:
 
 @compiled(borrows=True)
 def weigh(limbs: Limbs, by_pose: Array, room: Room) -> None:
-    """-by_pose f_x^+ of what has `by_pose` (k,), into `weight` (R,), after `factored`.
+    """Write -by_pose f_x^+ of a quantity with derivative `by_pose` (k,) into `weight` (R,).
 
-    So it goes with the closures, and by them with joints and dimensions; `step` is used up.
+    weight f_q and weight f_g are its derivatives by joints and dimensions. After `factored`;
+    `step` is overwritten.
     """
     r, k, weight, step = limbs.sizes[R], limbs.sizes[K], room.weight, room.step
     for i in range(k):
@@ -525,7 +526,7 @@ def weigh(limbs: Limbs, by_pose: Array, room: Room) -> None:
 
 @compiled(borrows=True)
 def add_by_joints(limbs: Limbs, room: Room, by_q: Array) -> None:
-    """Add how what has `weight` goes with the joints, to (m,); placed `BESIDE` or `FULL`."""
+    """Add the derivative by the joints, weight f_q, to (m,); placed `BESIDE` or `FULL`."""
     count, from_q = limbs.joints.shape[1], limbs.at[F_Q]
     for limb in range(len(limbs.joints)):
         work = room.work[limb]
@@ -538,9 +539,9 @@ def add_by_joints(limbs: Limbs, room: Room, by_q: Array) -> None:
 
 @compiled(borrows=True)
 def closed(limbs: Limbs, room: Room, share: float, stray: float) -> bool:
-    """Whether the pose is one: no step in it would close more, nothing is torn.
+    """Whether the limbs close at the pose: no further step is needed, and no limb is torn open.
 
-    Asked after `towards` near the pose, of which a step leaves a share.
+    Called after `towards` near the pose; `share` is the share of the error that its step leaves.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
     for row in range(r):
@@ -557,11 +558,11 @@ def closed(limbs: Limbs, room: Room, share: float, stray: float) -> bool:
 
 @compiled(borrows=True)
 def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
-    """Bring the pose x (k,) to joints q (m,), from where it is; NaN and False where none is.
+    """Solve the pose x (k,) at joints q (m,), starting at x; NaN and False if there is none.
 
-    Each step leaves a share of itself, known from the step before: its square where steps are
-    Newton's, and so converge quadratically, itself where they are Gauss's. A step that leaves
-    nothing that counts is the last one.
+    The share of a step that remains is estimated from the step before: the square of their ratio
+    for Newton steps, which converge quadratically, the ratio itself for Gauss-Newton steps. The
+    last step is the one after which the remaining error is negligible.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
     good, before = False, 0.0
@@ -586,29 +587,29 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
 
 @compiled(borrows=True)
 def nearer(limbs: Limbs, q: Array, x: Array, room: Room) -> float:
-    """One step of Newton's of the pose x (k,) towards joints q (m,); its size, or NaN."""
+    """Take one Newton step of the pose x (k,) at joints q (m,); returns its size, or NaN."""
     place(limbs, q, x, NEAR, room)
     if not towards(room, limbs.sizes[R], limbs.sizes[K]):
         return np.nan
     most = 0.0
     for i in range(len(x)):
-        most += abs(room.step[i])  # not a number if one is not
+        most += abs(room.step[i])  # NaN if any of them is
         x[i] -= room.step[i]
     return most
 
 
 @compiled(borrows=True)
 def lead(limbs: Limbs, q: Array, x: Array, way: float, room: Room) -> bool:
-    """Bring the pose x (k,) to joints q (m,) nearly: it only leads on to the next.
+    """Solve the pose x (k,) at joints q (m,) roughly, as an intermediate stage of `follow`.
 
-    Until a step is small beside the way, that of the stage before or its own first.
+    Ends when a step is small compared with the way of the stage before, or with its largest step.
     """
     for _ in range(STEPS):
         most = nearer(limbs, q, x, room)
         if not most < np.inf:
             return False
         way = max(way, most)
-        if most <= max(ON_THE_WAY * way, SETTLED_STEP):  # where it stands already, no way is left
+        if most <= max(ON_THE_WAY * way, SETTLED_STEP):  # `way` is 0 at a solved pose
             return True
     return False
 
@@ -617,9 +618,9 @@ def lead(limbs: Limbs, q: Array, x: Array, way: float, room: Room) -> bool:
 def follow(
     limbs: Limbs, home: Array, q: Array, x: Array, stages: int, stray: float, room: Room
 ) -> bool:
-    """The same in stages: by joints between home (m,), where x is a pose, and q (m,).
+    """Solve the pose x at joints q (m,) in stages from joints home (m,), where x is the pose.
 
-    So the assembly mode is that of home. Each stage begins as far on as the one before has led.
+    So the assembly mode is that of home. Each stage starts at an extrapolation of the one before.
     """
     m, way, past = limbs.sizes[M], room.way, room.past
     copy_into(past, x)
@@ -644,9 +645,9 @@ def follow(
 
 @compiled(borrows=True)
 def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
-    """-by_pose f_x^+, one row of `system` a row of `by_pose` (c, k): into columns of it.
+    """Solve f_x^T y = by_pose[i], for each row of `by_pose` (c, k), into `system[:k, k + i]`.
 
-    After it `system[:R, c0 + i]` is not used; the result stands in `system[i, :R]`.
+    If closures outnumber coordinates, f_x^T f_x y = by_pose[i] instead. False if singular.
     """
     r, k, count = limbs.sizes[R], limbs.sizes[K], len(by_pose)
     system, by_x = room.system, room.by_x
@@ -665,10 +666,10 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
 
 @compiled(borrows=True)
 def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
-    """Derivatives by joints (c, m) and dimensions (c, p) of what has `by_pose` (c, k).
+    """Derivatives by joints (c, m) and dimensions (c, p) of quantities with `by_pose` (c, k).
 
     By the implicit function theorem, where the limbs were placed with `FULL`, or with `BESIDE` if
-    `by_g` has no columns. Those behind the columns of the dimensions become zero.
+    `by_g` has no columns. Columns of `by_g` behind those of the dimensions become zero.
     """
     r, k, p, count = limbs.sizes[R], limbs.sizes[K], limbs.sizes[P], len(by_pose)
     found = back(limbs, by_pose, room)
@@ -742,9 +743,9 @@ def _poses(
 def poses(
     limbs: Limbs, size: int, home: Array, stages: int, q: Array, g: Array, x: Array, stray: float
 ) -> None:
-    """Bring poses x (n, k) to joints q (n, m), from where they are; NaN rows where none is.
+    """Solve poses x (n, k) at joints q (n, m), starting at x; NaN rows if there is none.
 
-    With more than one of the `stages` on the way from the joints `home` (m,): see `follow`.
+    With more than one of the `stages`, x starts as the pose at joints `home` (m,): see `follow`.
     """
     _poses(limbs, home, stages, q, g, x, stray, room(limbs, size))
 
@@ -786,7 +787,7 @@ def _slopes(
 def slopes(
     limbs: Limbs, size: int, q: Array, x: Array, g: Array, by_pose: Array
 ) -> tuple[Array, Array]:
-    """Derivatives by joints (n, c, m) and dimensions (n, c, p) of what has `by_pose` (n, c, k)."""
+    """Derivatives by joints (n, c, m) and dimensions (n, c, p), by `by_pose` (n, c, k)."""
     n, count = len(q), by_pose.shape[1]
     by_q = np.empty((n, count, limbs.sizes[M]))
     by_g = np.empty((n, count, limbs.sizes[P]))
@@ -805,11 +806,11 @@ def joints_for(
     stray: float,
     damped: bool,
 ) -> None:
-    """Bring joints q (n, m) to where the first t pose coordinates are `task` (n, t).
+    """Solve joints q (n, m) at which the first t pose coordinates are `task` (n, t).
 
     Unknowns are the joints and the coordinates that they do not command, which start at x (n, k);
     NaN rows out of reach. Steps are Newton's, of least length where unknowns outnumber closures;
-    `damped` by the squared misfit (Sugihara): they stay short far off and near a singularity.
+    `damped` by the squared residual (Sugihara) they stay short far off and near a singularity.
     """
     m, k, r, t = limbs.sizes[M], limbs.sizes[K], limbs.sizes[R], limbs.sizes[T]
     count = m + k - t
@@ -832,7 +833,7 @@ def joints_for(
                     slope[i, j] = own.by_q[i, j]
                 for j in range(k - t):
                     slope[i, m + j] = own.by_x[i, t + j]
-            good = square < np.inf and missed < stray  # the largest number leaves out NaN
+            good = square < np.inf and missed < stray  # max() ignores NaN, the sum does not
             if not square < np.inf or (good and damped):
                 break
             if not least_step(slope, own.f, square if damped else 0.0, own.system, own.step):
@@ -872,7 +873,7 @@ def least_step(slope: Array, f: Array, damping: float, system: Array, step: Arra
             system[i, j] = total
         system[i, i] += damping + 2.3e-16
         system[i, r] = f[i]
-    if not solve(system, r, 1):  # by pivots: of no full rank where closures outnumber unknowns
+    if not solve(system, r, 1):  # with pivoting: rank deficient if closures outnumber unknowns
         return False
     for j in range(count):
         total = 0.0

@@ -1,23 +1,23 @@
-"""A law: outputs of one sample as symbols of its inputs, and the code that is generated from it.
+"""Laws: symbolic outputs of one sample as functions of its inputs, and the generated code.
 
 The inputs come in groups (joint angles, pose, dimensions, ...). The generated functions work on
 one array, the workspace of a law:
 
     inputs, group by group | outputs f | df by each group that is asked for, row by row | the rest
 
-where derivatives that are always zero are never written. They do their work in stages, so that
-nothing is computed more often than it changes:
+where derivatives that are always zero are never written. They work in stages, so that nothing
+is computed more often than it changes:
 
     setup    what depends on the `fixed` groups alone       once a geometry
     shared   what depends on the `shared` group alone       once a sample, the same for all limbs
     near     f and its derivatives by the groups `near`     each step of Newton's method
     full     those, and the derivatives by the groups `full`
 
-A law of `lanes` is evaluated for many values of one group at once, in vector instructions. They
-stand behind the workspace, whose last number says how many there are: the inputs and then the
-outputs, each of all lanes. What is divided by is inverted once there.
+A law of `lanes` is evaluated for many values of one group at once, in vector instructions. These
+values lie behind the workspace, whose last number is their count: the inputs and then the outputs,
+each for all lanes. Divisors are inverted once there.
 
-Derivatives are CasADi's (forward mode, so that columns which do not change are found by `setup`);
+Derivatives are CasADi's (forward mode, so that `setup` computes columns which do not change);
 its instructions, one by one, become the lines of a numba function.
 """
 
@@ -46,7 +46,7 @@ class Law:
     """
 
     name: str  # of the generated file
-    groups: tuple[tuple[str, int], ...]  # inputs: name and how many numbers
+    groups: tuple[tuple[str, int], ...]  # inputs: name and size
     outputs: int
     express: Callable[..., Any]  # symbols of the groups, in their order, -> column of outputs
     fixed: tuple[str, ...] = ()
@@ -57,7 +57,7 @@ class Law:
 
     @cached_property
     def offsets(self) -> dict[str, int]:
-        """Where the groups begin in the workspace, then f ("f") and its derivatives ("f_x")."""
+        """Start of each group in the workspace, then of f ("f") and its derivatives ("f_x")."""
         size, place = dict(self.groups), 0
         found: dict[str, int] = {}
         for name, count in self.groups:
@@ -70,12 +70,12 @@ class Law:
 
     @property
     def by(self) -> tuple[str, ...]:
-        """Groups that derivatives are given by."""
+        """Groups by which f is differentiated."""
         return self.near + self.full
 
     @cached_property
     def compiled(self) -> CompiledLaw:
-        """Its functions: of the file that comes with the package, or generated now and kept."""
+        """Its compiled functions, from the package's file, or generated now and cached."""
         module = library.module_of(self)
         return CompiledLaw(
             tuple(module.ADDRESSES[stage] for stage in STAGES), module.SHARED, module.SIZE
@@ -83,23 +83,23 @@ class Law:
 
     @property
     def layout(self) -> tuple[Any, ...]:
-        """All that the generated file depends on, besides what `express` says."""
+        """All that the generated file depends on besides `express`."""
         own = (self.lanes,) if self.lanes else ()
         return (self.groups, self.outputs, self.fixed, self.shared, self.near, self.full, *own)
 
     def source(self) -> str:
-        """The generated file."""
+        """Return the text of the generated file."""
         body = "\n".join(_lines(self)) + "\n"
         return body.replace(_DIGEST, blake2s(body.encode(), digest_size=8).hexdigest())
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without addresses: they hold in the process that compiled the law, and in no other."""
+        """Return the state without addresses, which hold only in the process that compiled it."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 @dataclass(frozen=True)
 class CompiledLaw:
-    """Addresses of a law's stages, where its shared results lie, how large its workspace is."""
+    """Addresses of a law's stages, range of its shared results, size of its workspace."""
 
     addresses: tuple[int, ...]
     shared: tuple[int, int]
@@ -111,7 +111,7 @@ class CompiledLaw:
 _WORD, _INPUT = re.compile(r"[a-z]\w*"), re.compile(r"i\d+")
 _DIVISION = re.compile(r"(\w+) / (t\d+)")
 _DIGEST = "digest of this file"
-_ALIGNED = 8  # numbers of a line of the processor's cache
+_ALIGNED = 8  # numbers in a cache line of the processor
 _FUNCTIONS = (
     "acos",
     "asin",
@@ -135,7 +135,7 @@ _FUNCTIONS = (
 
 @dataclass
 class _Line:
-    """One instruction: what it is called, its right side, what it needs, when it can be done."""
+    """One instruction: its name, its right side, its operands and its earliest stage."""
 
     target: str
     text: str
@@ -176,7 +176,7 @@ def _lines(law: Law) -> Iterator[str]:
     for stage, name in enumerate(STAGES):
         chosen = wanted[0] if name == "near" else wanted[1]
         bodies[name] = list(_body(lines, min(stage, 2), chosen, place, outputs, law, stage))
-    if not law.near:  # nobody takes steps with it
+    if not law.near:  # no Newton steps are taken with it
         bodies["near"] = []
     for name, body in bodies.items():
         if body:
@@ -195,7 +195,7 @@ def _lines(law: Law) -> Iterator[str]:
 
 
 def _inverted(lines: list[_Line]) -> Iterator[_Line]:
-    """The same with one division by what is divided by, and products in the others' places."""
+    """Replace divisions by products with the inverse, computed once for each divisor."""
     last = max(int(line.target[1:]) for line in lines)
     known: dict[str, str] = {}
     for line in lines:
@@ -232,7 +232,7 @@ def _needed(own: dict[str, _Line], outputs: dict[str, Any], names: tuple[str, ..
 def _kept_results(
     lines: list[_Line], wanted: set[str], outputs: dict[str, list[tuple[int, str]]]
 ) -> list[str]:
-    """Results of one stage that a later one, or an output, takes up; the first stage's first."""
+    """Results that a later stage or an output needs; those of the first stage come first."""
     own = {line.target: line for line in lines}
     used: set[str] = set()
     for line in lines:
@@ -337,14 +337,14 @@ def _walk(
             name = f"t{k}"
             variables = tuple(n for n in needs if n in stage)
             stages = {stage[n] for n in variables}
-            when = max(stages, default=0) if len(stages) < 2 else 2  # of one limb and shared: late
+            when = max(stages, default=0) if len(stages) < 2 else 2  # of a limb and shared: last
             lines.append(_Line(name, text[code].format(*needs), variables, when))
             register[given[0]], stage[name] = name, when
     return lines, outputs
 
 
 def _texts(ca: Any) -> dict[int, str]:
-    """Python for each of CasADi's operations; truth is 1.0 or 0.0 there."""
+    """Python text of each CasADi operation; a condition is 1.0 or 0.0 there."""
     plain = {
         ca.OP_ASSIGN: "{0}",
         ca.OP_ADD: "{0} + {1}",

@@ -1,4 +1,4 @@
-"""Where the generated file of a law is: in the package, or in a folder of the user.
+"""Lookup of the generated file of a law: in the package, or in a folder of the user.
 
 Laws of the package have theirs in `generated/`, written by `make laws`. Those of other mechanisms
 and effects are generated when they are first used and kept in a folder of the user, under a name
@@ -27,8 +27,8 @@ GENERATED = "delta_calibration.model.generated"
 _PACKAGE = "delta_calibration"
 _VOCABULARY = (f"{_PACKAGE}.model.law", f"{_PACKAGE}.model.symbols")
 _SITES = frozenset(("site-packages", "dist-packages"))
-_VALUES = (bool, int, float, str, type(None))  # what is the same where it looks the same
-# of the package, what laws are made of; the rest of it does not change what they say
+_VALUES = (bool, int, float, str, type(None))  # types whose values are equal if their text is
+# parts of the package that laws are made of; the rest of it does not change them
 _PARTS = tuple(f"{_PACKAGE}.{part}" for part in ("mechanisms", "effects", "model"))
 
 
@@ -42,7 +42,7 @@ def module_of(law: Law) -> Any:
     own = str(_origin(law).__module__).startswith(f"{_PACKAGE}.")
     if own and util.find_spec(full) is not None:
         module = import_module(full)
-        if law.layout == module.LAYOUT:  # not so of a subclass with limbs of another size
+        if law.layout == module.LAYOUT:  # differs for a subclass with limbs of another size
             return module
     return _own(law)
 
@@ -50,7 +50,7 @@ def module_of(law: Law) -> Any:
 def cache_folder() -> Path:
     """Where generated laws of users' own mechanisms and effects are kept.
 
-    A folder of this process where the user has none that can be written.
+    A temporary folder of this process if the user has none that can be written.
     """
     root = os.environ.get("XDG_CACHE_HOME")
     try:
@@ -86,7 +86,7 @@ def _own(law: Law) -> Any:
 
 
 def _write(text: str, path: Path) -> None:
-    """Whole or not at all, for other processes that look for it now."""
+    """Write a file whole or not at all, as other processes may look for it now."""
     descriptor, beside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}_")
     try:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
@@ -109,7 +109,7 @@ def _loaded(name: str, path: Path) -> Any:
 
 
 def _origin(law: Law) -> Any:
-    """The function that says the law: what a partial function wraps."""
+    """The function that defines the law, without the partial functions around it."""
     function = law.express
     while isinstance(function, partial):
         function = next(filter(callable, function.args), function.func)
@@ -117,10 +117,10 @@ def _origin(law: Law) -> Any:
 
 
 def _key(law: Law) -> str:
-    """Of the law's sources; changes with each edit of them.
+    """Digest of the law's sources; changes with each edit of them.
 
-    Where a law goes by more than the text of files (typed in at a prompt, a method of an object,
-    an array that a function was made with), by what it says: it is generated to know.
+    If a law depends on more than the text of files (typed in at a prompt, a method of an object,
+    an array that a function was made with), it is generated, and the digest includes its code.
     """
     function, known = _origin(law), [*_carried(law.express, set())]
     parts = [repr((law.name, law.layout, getattr(function, "__qualname__", "")))]
@@ -141,7 +141,7 @@ def _is_plain(value: Any) -> bool:
 
 
 def _carried(value: Any, seen: set[int]) -> Iterator[Any]:
-    """A function, and what it brings along besides its text: its functions, and other values."""
+    """Yield a function and what it carries besides its text: other functions and values."""
     if id(value) in seen:
         return
     if isinstance(value, partial):
@@ -161,7 +161,7 @@ def _carried(value: Any, seen: set[int]) -> Iterator[Any]:
 
 
 def _reached(first: str) -> set[str]:
-    """Modules that a law may take something from: its own, those that one names, and so on."""
+    """Modules that a law may depend on: its own, those that its own names, and so on."""
     found: set[str] = set()
     todo = [first]
     while todo:
@@ -187,7 +187,7 @@ def _counts(name: str, first: str) -> bool:
 
 
 def _is_installed(file: Path) -> bool:
-    """Whether it is of the standard library, or of what pip or the system installs."""
+    """Whether a file belongs to the standard library, or was installed by pip or the system."""
     folders = not _SITES.isdisjoint(file.parts)
     return folders or any(file.is_relative_to(folder) for folder in _installed())
 
@@ -205,7 +205,7 @@ def _file_of(name: str) -> Path | None:
     if module is None:
         try:
             spec = util.find_spec(name)
-        except (ImportError, AttributeError, ValueError):  # no module, but something in one
+        except (ImportError, AttributeError, ValueError):  # not a module, but a name in one
             return None
         file = spec.origin if spec is not None else None
     else:
@@ -214,7 +214,7 @@ def _file_of(name: str) -> Path | None:
 
 
 def _named(name: str) -> Iterator[str]:
-    """Modules that those things come from which a module has names for."""
+    """Yield the modules that define the objects which a module has names for."""
     module = sys.modules.get(name)
     for value in list(vars(module).values()) if module is not None else ():
         home = value.__name__ if isinstance(value, ModuleType) else _home_of(value)
@@ -223,7 +223,7 @@ def _named(name: str) -> Iterator[str]:
 
 
 def _imported(name: str) -> Iterator[str]:
-    """Modules that a file imports, whatever it takes of them: a number does not say where from."""
+    """Yield the modules that a file imports, as an imported number does not tell its module."""
     file, parents = _file_of(name), name.split(".")
     if file is not None and file.stem != "__init__":
         parents = parents[:-1]

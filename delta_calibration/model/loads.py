@@ -5,14 +5,14 @@ them), the joints carry dU/dq and a dimension g of the machine carries dU/dg,
 
     dU/dq = u_q - u_x f_x^+ f_q        dU/dg = -u_x f_x^+ f_g        u_x, u_q: at constant q, x
 
-Cables can only pull, and more of them than freedoms hold each other taut: of all pulls that bear
-the load the nearest to the pretension is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
+Cables can only pull, and if they outnumber the freedoms they tension each other: of all pulls that
+bear the load the nearest to the pretension t_p is taken, t = t_p + (f_x^T)^+ (-u_x - f_x^T t_p).
 
-What all of it presses on the base is the sum over the masses (d'Alembert), with z up,
+Force and moment of the machine on its base are sums over the masses (d'Alembert), with z up,
 
     F = -sum m (p'' + G z)        M = -sum p x m (p'' + G z)
 
-and the same of the payload alone is what it presses on the platform with.
+and the payload's terms alone are its force and moment on the platform.
 """
 
 from __future__ import annotations
@@ -65,27 +65,27 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 WEIGHT, INERTIA = range(2)  # rows of the work
-_UNTOUCHED = -1.2345e-67  # that no law comes to from inputs between 0 and 1
+_UNTOUCHED = -1.2345e-67  # value that no law yields for inputs between 0 and 1
 
 
 @record
 class Bearing(NamedTuple):
-    """What a mechanism carries and where; z is up.
+    """Masses of a mechanism and the laws of their places; z is up.
 
     point (4,), point_at (6,)   law of a point fixed to the platform; places of x, o, f, f_x, f_o,
                                 and its size
     mass (4,), mass_at (7,)     law of the masses' places; places of x, q, g, f, f_x, f_q, size
     dims (d,)                   dimensions that it takes, or fixed numbers behind them
-    kg (k,), moves (k,)         each mass, and the share of it that counts where it is accelerated
+    kg (k,), moves (k,)         each mass, and the share of it that is accelerated at its place
     levers (k, 3)               how far [m] each is from the place that its law states
-    pivots (k, 3)               places [m] about which turns what does not count there
+    pivots (k, 3)               points [m] about which the rest of each mass turns
     home (k,)                   pose at which counters are zero
     pretension                  [N] of every cable
     constants (c,)              of the limbs, for the law of the masses
     joints (j,)                 of the limbs, in the order that this law takes them
-    by_pose (s, 3)              slopes of the masses' places that are not always zero: where they
-                                are, the coordinate, that of the pose
-    by_joint (t, 3)             the same, and the joint
+    by_pose (s, 3)              derivatives of the masses' places that are not always zero: slot in
+                                the workspace, coordinate of the place, coordinate of the pose
+    by_joint (t, 3)             the same by the joints: slot, coordinate of the place, joint
     """
 
     point: Index
@@ -109,7 +109,7 @@ class Bearing(NamedTuple):
 def stored(law: Index, size: int, inputs: int) -> Array:
     """Which numbers of a workspace a law writes, 1 or 0, (size,); the inputs come first.
 
-    These are no two alike: what a law hands on unchanged would else pass for not written.
+    All inputs get different values, none of them the mark of a number that was not written.
     """
     work = np.full(size, _UNTOUCHED)
     for i in range(inputs):
@@ -122,7 +122,7 @@ def stored(law: Index, size: int, inputs: int) -> Array:
 
 @record
 class Beside(NamedTuple):
-    """Workspaces for places beside the one in question, which stays in its own."""
+    """Workspaces to evaluate neighbouring places, while the sample's own place is kept."""
 
     work: Array  # (L, s) of the limbs
     f: Array  # (R,)
@@ -135,10 +135,10 @@ class Beside(NamedTuple):
 
 @record
 class Carried(NamedTuple):
-    """Scratch, and what is found: torques of weight and inertia, dU/dg, reactions, pulls.
+    """Scratch and results: torques of weight and inertia, dU/dg, reactions, pulls.
 
-    Of the work U there is a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the weight,
-    and of the inertia where that is asked for as well.
+    Arrays of the work U have a row for `WEIGHT` and one for `INERTIA`. dU/dg is that of the
+    weight, plus that of the inertia where that is asked for as well.
     """
 
     point: Array
@@ -147,14 +147,14 @@ class Carried(NamedTuple):
     u_q: Array  # (2, m)
     carried: Array  # (2, R) -u_x f_x^+
     accelerated: Array  # (3 (masses + payload),)
-    force: Array  # the same, that it takes [N]
+    force: Array  # the same, force on each mass [N]
     gravity: Array  # (m,)
     inertia: Array  # (m,)
     load: Array  # (p,)
     reaction: Array  # (6,) [N, N m] force and moment on the base, about its origin
-    payload: Array  # (6,) the part of it that the payload presses
+    payload: Array  # (6,) the payload's part of it
     pull: Array  # (R,)
-    tightness: Array  # (R,) of each pull, by a newton of pretension
+    tightness: Array  # (R,) change of each pull by one newton of pretension
     pull_home: Array  # (R,)
     still: Array  # (m,) readings of counters at home
     origin: Array  # (3,)
@@ -175,7 +175,7 @@ def nowhere(bearing: Bearing) -> Array:
 
 @compiled()
 def carried(limbs: Limbs, bearing: Bearing, size: int) -> Carried:
-    """Scratch for one sample after the other; `size` is that of a limb's workspace."""
+    """Allocate scratch for one sample after another; `size` is that of a limb's workspace."""
     m, k, p, r = limbs.sizes[M], limbs.sizes[K], limbs.sizes[2], limbs.sizes[R]
     beside = Beside(
         np.zeros((len(limbs.joints), size)),
@@ -225,7 +225,7 @@ def point_at(bearing: Bearing, x: Array, offset: Array, work: Array) -> None:
 
 @compiled(borrows=True)
 def other_point(bearing: Bearing, offset: Array, work: Array) -> None:
-    """Evaluate the same at the same pose for another offset."""
+    """Evaluate the law of a point for another offset at the same pose."""
     for i in range(3):
         work[bearing.point_at[1] + i] = offset[i]
     call(bearing.point[FULL], work)
@@ -246,7 +246,7 @@ def masses_at(limbs: Limbs, bearing: Bearing, q: Array, x: Array, work: Array) -
 
 @compiled(borrows=True)
 def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None:
-    """Give the masses' law these dimensions (p,)."""
+    """Set the dimensions (p,) of the masses' law."""
     p = limbs.sizes[2]
     for i in range(len(bearing.dims)):
         row = bearing.dims[i]
@@ -259,7 +259,7 @@ def set_masses(limbs: Limbs, bearing: Bearing, g: Array, found: Carried) -> None
 
 @compiled(borrows=True)
 def _work(limbs: Limbs, bearing: Bearing, payload: float, row: int, found: Carried) -> None:
-    """A row of u_x and u_q of all masses, `WEIGHT` or `INERTIA`; the laws are evaluated."""
+    """Compute row `WEIGHT` or `INERTIA` of u_x and u_q, after the laws were evaluated."""
     u_x, u_q, force, count = found.u_x[row], found.u_q[row], found.force, len(bearing.kg)
     for point in range(count + 1):  # the payload is the last
         kg = payload if point == count else bearing.kg[point]
@@ -284,7 +284,7 @@ def _work(limbs: Limbs, bearing: Bearing, payload: float, row: int, found: Carri
 
 @compiled(borrows=True)
 def _places(bearing: Bearing, point: Array, mass: Array, weight: float, found: Array) -> None:
-    """Add the places of all masses and the payload, times a weight, to what is found."""
+    """Add the places of all masses and the payload, times a weight, to `found`."""
     count = 3 * len(bearing.kg)
     for i in range(count):
         found[i] += weight * mass[bearing.mass_at[3] + i]
@@ -303,7 +303,7 @@ def _moves(rate: Array, acceleration: Array) -> bool:
 
 @compiled(borrows=True)
 def _pose_for(limbs: Limbs, joints: Array, turn: Array, room: Room, found: Array) -> None:
-    """-f_x^+ (f_q joints + turn): what a pose does (k,) while its joints do this (m,).
+    """-f_x^+ (f_q joints + turn): rate of the pose (k,) at these rates of the joints (m,).
 
     The limbs are placed with their derivatives by the joints, and factored.
     """
@@ -382,10 +382,10 @@ def _accelerate(
 
 @compiled(borrows=True)
 def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> None:
-    """Force and moment on the base; the laws are evaluated, and the accelerations if `moving`.
+    """Compute force and moment on the base, after the laws and, if `moving`, accelerations.
 
-    Of a mass that counts in part where it is accelerated, the rest has its momentum about the
-    place that it turns about.
+    If only a share of a mass is accelerated at its place, the rest acts at the point that it
+    turns about.
     """
     a, count = found.a, len(bearing.kg)
     for i in range(6):
@@ -406,7 +406,7 @@ def _react(bearing: Bearing, payload: float, moving: bool, found: Carried) -> No
 
 @compiled(borrows=True)
 def _press(bearing: Bearing, found: Carried, point: int, kg: float, share: float) -> None:
-    """Add what a mass of acceleration `a` presses on the base; the payload's number is -1."""
+    """Add force and moment on the base of a mass of acceleration `a`; -1 is the payload."""
     a, total = found.a, found.reaction
     x = _coordinate(bearing, found, point, 0, share)
     y = _coordinate(bearing, found, point, 1, share)
@@ -420,7 +420,7 @@ def _press(bearing: Bearing, found: Carried, point: int, kg: float, share: float
 
 @compiled(borrows=True)
 def _coordinate(bearing: Bearing, found: Carried, point: int, axis: int, share: float) -> float:
-    """Where a mass is along an axis of the base [m], with a share of it at its own place."""
+    """Coordinate of a mass in the base [m]: `share` of it at its place, the rest at its pivot."""
     if point < 0:
         return float(found.point[bearing.point_at[2] + axis])
     own = found.mass[bearing.mass_at[3] + 3 * point + axis] + bearing.levers[point, axis]
@@ -447,7 +447,7 @@ def _pulls(limbs: Limbs, pretension: float, room: Room, u_x: Array, pull: Array)
 
 @compiled(borrows=True)
 def _pulls_at_home(limbs: Limbs, bearing: Bearing, room: Room, found: Carried) -> None:
-    """Pulls where counters are zero, without a payload: once for the same dimensions."""
+    """Pulls at home (counters zero) without a payload; evaluated once for the same dimensions."""
     if found.known[0] > 0.0:
         return
     copy_into(found.still, limbs.zero)
@@ -474,9 +474,9 @@ def bear(
     room: Room,
     found: Carried,
 ) -> None:
-    """All loads that are asked for, at joints q (m,) and pose x (k,); the limbs know their g.
+    """Compute the loads `asked` for at joints q (m,) and pose x (k,); the limbs have their g.
 
-    Of the dimensions those of the limbs' parameters that are `loaded` (l,).
+    dU/dg only of those of the limbs' parameters that are `loaded` (l,).
     """
     if asked & OF_PULLS:
         _pulls_at_home(limbs, bearing, room, found)
@@ -508,7 +508,7 @@ def bear(
         _turn(limbs, INERTIA, regular, room, found, found.inertia)
     if asked & OF_DIMENSIONS:
         _load(limbs, loaded, moving and inertia, room, found)
-    if asked & OF_TIGHTNESS:  # the last, as it uses up the work
+    if asked & OF_TIGHTNESS:  # the last, as it overwrites the work
         u_x = found.u_x[WEIGHT]
         u_x[:] = 0.0
         _pulls(limbs, 1.0, room, u_x, found.tightness)
@@ -518,7 +518,7 @@ def bear(
 def _turn(
     limbs: Limbs, row: int, regular: bool, room: Room, found: Carried, torque: Array
 ) -> None:
-    """Torques (m,) of a row of the work, dU/dq; NaN where the pose does not go with the joints."""
+    """Torques (m,) of a row of the work, dU/dq; NaN at a singular pose (not `regular`)."""
     if regular:
         weigh(limbs, found.u_x[row], room)
     else:
@@ -530,7 +530,7 @@ def _turn(
 
 @compiled(borrows=True)
 def _load(limbs: Limbs, loaded: Index, moving: bool, room: Room, found: Carried) -> None:
-    """dU/dg of weight, and of inertia if it is `moving`, after `_turn` of them."""
+    """Compute dU/dg of weight, and of inertia if `moving`, after `_turn` of both."""
     p, count, from_g = limbs.sizes[2], limbs.params.shape[1], limbs.at[F_G]
     found.load[:] = 0.0
     for limb in range(len(limbs.params)):
@@ -545,16 +545,16 @@ def _load(limbs: Limbs, loaded: Index, moving: bool, room: Room, found: Carried)
 
 
 class Loads(NamedTuple):
-    """What a machine carries at n samples; zeros where not asked for."""
+    """Loads of a machine at n samples; zeros where not asked for."""
 
     weight: Array  # (n, m) torque or force of the weight on each joint
-    inertia: Array  # (n, m) the same of what it takes to move the masses
+    inertia: Array  # (n, m) the same to accelerate the masses
     dimension: Array  # (n, p) dU/dg of weight and inertia
     pull: Array  # (n, R) of the limbs [N]
     pull_home: Array  # (n, R) the same at home [N]
     reaction: Array  # (n, 6) force [N] and moment [N m] on the base
     payload: Array  # (n, 6) the payload's part of `reaction`
-    tightness: Array  # (n, R) of the pulls, by a newton of pretension
+    tightness: Array  # (n, R) change of the pulls by one newton of pretension
 
 
 @compiled()
@@ -571,7 +571,7 @@ def every(
     payload: Array,
     centre: Array,
 ) -> Loads:
-    """All loads that are asked for, of every sample; see `Mechanism.loads`."""
+    """Compute the loads `asked` for of every sample; see `Mechanism.loads`."""
     n, m, p, r = len(q), limbs.sizes[M], limbs.sizes[2], limbs.sizes[R]
     weight, inertia, load = np.zeros((n, m)), np.zeros((n, m)), np.zeros((n, p))
     pull, home, tightness = np.zeros((n, r)), np.zeros((n, r)), np.zeros((n, r))

@@ -1,8 +1,8 @@
-"""Machine code of a generated law, straight from its lines.
+"""Direct translation of the lines of a generated law into LLVM instructions.
 
 A generated law is thousands of lines `name = one operation`. numba's compiler is made for
-programs: it takes half a minute for such a list. Here the list is read from the file and put down
-as instructions for LLVM one by one; numba keeps the result and links it as its own.
+programs: it takes half a minute for such a list. Here the list is read from the file and written
+as LLVM instructions one by one; numba caches the result and links it like its own code.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ _COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==
 
 
 def thin(function: FunctionType, lanes: tuple[int, ...] = ()) -> FunctionType:
-    """A function of one call that does what a generated one does, with its name and its file.
+    """Replace a generated function by a single call, with the same name and the same file.
 
-    What numba keeps of it stands beside the generated file, under the function's name. Of a law of
-    `lanes` (see `jit.law`) it does so for all of them.
+    numba caches its code beside the generated file, under the function's name. For a law of
+    `lanes` (see `jit.law`) the call computes all of them.
     """
     own = function.__code__
 
@@ -83,7 +83,7 @@ def _parsed(file: str) -> ast.Module:
 
 
 class _Lowering:
-    """Instructions of one function: its names are LLVM's values, all of them real numbers."""
+    """Writes the instructions of one function: names are LLVM values, all real numbers."""
 
     def __init__(self, context: Any, builder: Any, workspace: Any) -> None:
         self.context = context
@@ -92,7 +92,7 @@ class _Lowering:
         self.names: dict[str, Any] = {"inf": self.real(math.inf), "nan": self.real(math.nan)}
 
     def write(self, lines: list[ast.stmt]) -> None:
-        """All lines, in order."""
+        """Write all lines, in order."""
         for line in lines:
             if isinstance(line, ast.Assign):
                 (target,), value = line.targets, self.value(line.value)
@@ -102,13 +102,13 @@ class _Lowering:
                     self.builder.store(value, self.place(target))
 
     def place(self, node: Any) -> Any:
-        """w[number]."""
+        """Address of w[number]."""
         index = ir.Constant(_INDEX, node.slice.value)
         return self.builder.gep(self.workspace, [index], inbounds=True)
 
     @staticmethod
     def real(number: float) -> Any:
-        """A number."""
+        """LLVM constant of a number."""
         return ir.Constant(ir.DoubleType(), float(number))
 
     def value(self, node: Any) -> Any:
@@ -136,7 +136,7 @@ class _Lowering:
 
     def _call(self, node: ast.Call) -> Any:
         name, values = node.func.id, [self.value(each) for each in node.args]  # type: ignore[attr-defined]
-        if name in ("min", "max"):  # as Python has them: the first, if neither is the lesser
+        if name in ("min", "max"):  # as in Python: the first, if neither is less
             one, other = values
             sign = "<" if name == "min" else ">"
             return self.builder.select(self.builder.fcmp_ordered(sign, other, one), other, one)
@@ -150,7 +150,7 @@ class _Lowering:
         return self.builder.select(*values)
 
     def truth(self, node: Any) -> Any:
-        """Of a comparison, or of several."""
+        """Truth value of a comparison, or of several."""
         if isinstance(node, ast.BoolOp):
             one, other = map(self.truth, node.values)
             joined = self.builder.and_ if isinstance(node.op, ast.And) else self.builder.or_
@@ -160,7 +160,7 @@ class _Lowering:
         return kind(sign, self.value(node.left), self.value(node.comparators[0]))
 
     def called(self, function: Any, values: Any) -> Any:
-        """numba's own code of a function of real numbers."""
+        """Call numba's own code of a function of real numbers."""
         typing = self.context.typing_context
         known = typing.resolve_value_type(function)
         signature = known.get_call_type(typing, (_REAL,) * len(values), {})
@@ -168,7 +168,7 @@ class _Lowering:
 
 
 class _Lanes(_Lowering):
-    """The same for all lanes: a loop that LLVM turns into vector instructions."""
+    """Writes a function for all lanes: a loop that LLVM turns into vector instructions."""
 
     def __init__(self, context: Any, builder: Any, workspace: Any, lanes: tuple[int, ...]) -> None:
         super().__init__(context, builder, workspace)
@@ -181,7 +181,7 @@ class _Lanes(_Lowering):
         self.lane: Any = None
 
     def write(self, lines: list[ast.stmt]) -> None:
-        """What all lanes share is read before the loop."""
+        """Write all lines; what all lanes share is read before the loop."""
         shared = [line for line in lines if self.is_shared(line)]
         super().write(shared)
         with cgutils.for_range(self.builder, self.count, intp=_INDEX) as loop:  # type: ignore[no-untyped-call,unused-ignore]
@@ -189,16 +189,16 @@ class _Lanes(_Lowering):
             super().write([line for line in lines if line not in shared])
 
     def is_shared(self, line: ast.stmt) -> bool:
-        """Whether it reads a slot that is the same for all."""
+        """Whether a line reads a slot that is the same for all lanes."""
         value: Any = getattr(line, "value", None)
         return isinstance(value, ast.Subscript) and value.slice.value not in self.own  # type: ignore[attr-defined]
 
     def at(self, index: Any, start: Any = None) -> Any:
-        """The place of an index in the workspace, or from a place on."""
+        """Address of an index in the workspace, or counted from `start`."""
         return self.builder.gep(start or self.workspace, [index], inbounds=True)
 
     def place(self, node: Any) -> Any:
-        """w[number], or what this lane has there."""
+        """Address of w[number], or of this lane's own number there."""
         row = self.own.get(node.slice.value)
         if row is None:
             return super().place(node)

@@ -1,10 +1,10 @@
-"""Samples laid on an even grid, for sums of waves over them, compiled.
+"""Compiled spreading of samples onto a uniform grid, for non-uniform Fourier sums.
 
     sum_n y_n exp(i w q_n) = h / K(w) sum_g exp(i w x_g) sum_n k(x_g - q_n) y_n
 
-with a kernel k that is nothing beyond a few steps h and whose transform K is known: the
+with a kernel k that is zero beyond a few steps h and whose Fourier transform K is known: the
 exponential of a semicircle (Barnett, Magland and af Klinteberg 2019, SIAM J. Sci. Comput. 41,
-C479). What is left out are the kernel's echoes, by which the sum of a grid differs from an
+C479). Neglected is the aliasing of the kernel, by which a sum over a grid differs from an
 integral.
 """
 
@@ -17,26 +17,26 @@ from delta_calibration.model.jit import compiled
 
 Array = NDArray[np.float64]
 
-STEPS = 16  # of the grid that the kernel reaches over
-_SHARP = 2.3 * STEPS  # best where the shortest wave is four steps long
+STEPS = 16  # width of the kernel in steps of the grid
+_SHARP = 2.3 * STEPS  # of the kernel; best where the shortest wave is four steps long
 
 
 @compiled()
 def kernel(x: float) -> float:
-    """k at x from -1 to 1, its ends."""
+    """Kernel k at x, from -1 to 1 over its width."""
     return float(np.exp(_SHARP * (np.sqrt(max(0.0, 1.0 - x * x)) - 1.0)))
 
 
 @compiled()
 def spread(place: Array, columns: Array, begin: float, step: float, count: int) -> Array:
-    """Columns on the grid, (G, j).
+    """Spread columns onto the grid, (G, j).
 
     Args:
-        place: of each sample, (n,).
-        columns: (n, j).
-        begin: of the grid; half a kernel before the first sample, or more.
-        step: of the grid.
-        count: of its points, G.
+        place: position of each sample, (n,).
+        columns: values of the samples, (n, j).
+        begin: start of the grid; half a kernel before the first sample, or more.
+        step: spacing of the grid.
+        count: number of its points, G.
     """
     found = np.zeros((count, columns.shape[1]))
     for row in range(len(place)):

@@ -1,14 +1,14 @@
-"""Where a machine stands: the chain from encoder angles to the pose, effects included, compiled.
+"""Compiled forward chain: from encoder angles to the pose, effects included.
 
-For one sample, with D what the effects of the drives add and S those of the structure,
+For one sample, with D the sum of the effects of the drives and S that of the structure's,
 
     f(q + D(c, x, loads), x, g + S(c, x, loads)) = 0
 
-Loads, and what else an effect takes of the machine, are those at the pose itself: it is sought in
-rounds, each with the effects at the pose of the round before. Effects do hundredths of what the
-joints do, so that a few rounds settle it. Where a clearance is crossed by the very motion that
-crossing it makes, no side of it is the machine's own, and the last one tried is taken; `State`
-says how far the last round moved the pose.
+Loads, and other inputs of an effect from the machine, are those at the pose itself. The pose is
+therefore found in rounds (fixed-point iteration), each with the effects at the pose of the round
+before. Effects move it by hundredths of what the joints do, so that a few rounds settle it. If
+crossing a clearance makes the machine move back across it, neither side is a solution, and the
+last one tried is taken; `State.swing` is how far the last round moved the pose.
 """
 
 from __future__ import annotations
@@ -89,14 +89,14 @@ class Opening(NamedTuple):
 
 @record
 class Body(NamedTuple):
-    """A mechanism as the chain needs it."""
+    """Data of a mechanism that the chain needs."""
 
     limbs: Limbs
     size: int  # of a limb's workspace
     bearing: Bearing
     opening: Opening
     home: Array  # (m,) joints of `bearing.home`
-    stages: int  # of the way from home where there is no opening
+    stages: int  # number of stages from home if there is no opening
 
 
 @record
@@ -106,16 +106,16 @@ class Stages(NamedTuple):
     drive: Table
     structure: Table
     base: Table
-    asked: int  # loads
-    loaded: Index  # parameters of a limb that loads are asked for of
+    asked: int  # flags of the loads that they need
+    loaded: Index  # parameters of a limb whose dU/dg is needed
     stands: bool  # whether they need the pose
-    gentle: bool  # whether all that do change little with it, so that any rounds settle
+    gentle: bool  # whether those that need it change little with it, so that rounds settle
     at: Index  # places of signals, see chain_constants.py
 
 
 @record
 class Kept(NamedTuple):
-    """What laws made of the dimensions as identified, to come back to."""
+    """Copies of the laws' workspaces at the identified dimensions, to restore them."""
 
     work: Array  # (L, s) of the limbs
     opening: Array
@@ -123,7 +123,7 @@ class Kept(NamedTuple):
 
 @record
 class State(NamedTuple):
-    """Scratch of one sample, and where it stands."""
+    """Scratch of one sample, and its joints, dimensions and last round of effects."""
 
     room: Room
     carried: Carried
@@ -133,16 +133,16 @@ class State(NamedTuple):
     base: Array
     joint: Array  # (m,) behind the drives
     kept: Kept
-    geometry: Array  # (p,) under these conditions
-    shaped: Array  # (p,) that it is to have
-    before: Array  # (k,)
+    geometry: Array  # (p,) dimensions under the sample's conditions
+    shaped: Array  # (p,) dimensions that it is to have
+    before: Array  # (k,) pose before the last round
     swing: Array  # (1,) [m, rad] by which the last round of effects moved the pose
-    rounds: Array  # (1,) of effects that it took
+    rounds: Array  # (1,) number of rounds of effects
 
 
 @compiled()
 def state_of(body: Body, stages: Stages) -> State:
-    """Scratch for one sample after the other."""
+    """Allocate scratch for one sample after another."""
     limbs = body.limbs
     own = np.zeros(body.opening.at[4] if len(body.opening.law) else 1)
     if len(body.opening.law):
@@ -167,7 +167,7 @@ def state_of(body: Body, stages: Stages) -> State:
 
 @compiled(borrows=True)
 def take_dimensions(body: Body, g: Array, state: State) -> None:
-    """Give the machine these dimensions (p,), and keep what `back_to` comes back to."""
+    """Set the identified dimensions (p,), and keep copies for `back_to`."""
     copy_into(state.geometry, g)
     take_shape(body, state)
     for limb in range(len(state.kept.work)):
@@ -177,7 +177,7 @@ def take_dimensions(body: Body, g: Array, state: State) -> None:
 
 @compiled(borrows=True)
 def back_to(body: Body, g: Array, state: State) -> None:
-    """Give the machine back the dimensions (p,) that `take_dimensions` gave it last."""
+    """Restore the dimensions (p,) that `take_dimensions` has set last."""
     if same(g, state.geometry):
         return
     copy_into(state.geometry, g)
@@ -190,7 +190,7 @@ def back_to(body: Body, g: Array, state: State) -> None:
 
 @compiled(borrows=True)
 def reshape(body: Body, g: Array, state: State) -> None:
-    """Give the machine other dimensions (p,) for a while, if they are others."""
+    """Set other dimensions (p,) for a while, if they differ from the present ones."""
     if same(g, state.geometry):
         return
     copy_into(state.geometry, g)
@@ -199,7 +199,7 @@ def reshape(body: Body, g: Array, state: State) -> None:
 
 @compiled(borrows=True)
 def take_shape(body: Body, state: State) -> None:
-    """Let all laws have the dimensions that are in the state."""
+    """Pass the dimensions in the state to all laws."""
     set_geometry(body.limbs, state.geometry, state.room)
     set_masses(body.limbs, body.bearing, state.geometry, state.carried)
     opening, own, p = body.opening, state.opening, body.limbs.sizes[P]
@@ -214,7 +214,7 @@ def take_shape(body: Body, state: State) -> None:
 
 @compiled(borrows=True)
 def open_near(body: Body, q: Array, x: Array, state: State) -> None:
-    """Pose x near the wanted one at joints q, by the mechanism's opening."""
+    """Set x to a pose near the wanted one at joints q, by the mechanism's opening law."""
     opening, own = body.opening, state.opening
     for i in range(len(opening.joints)):
         joint = opening.joints[i]
@@ -227,7 +227,7 @@ def open_near(body: Body, q: Array, x: Array, state: State) -> None:
 
 @compiled(borrows=True)
 def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
-    """Bring the pose x to joints q from wherever the mechanism's direct problem starts."""
+    """Solve the forward kinematics x at joints q from its start: opening law, or home."""
     if len(body.opening.law):
         open_near(body, q, x, state)
         return assemble(body.limbs, q, x, stray, state.room)
@@ -237,10 +237,10 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
 
 @compiled(borrows=True)
 def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
-    """Close a nearby pose x (k,) at joints q, and tell whether it is in the assembly mode of home.
+    """Close a nearby pose x (k,) at joints q; True if it is in the assembly mode of home.
 
-    Where the first step from the opening leads to it nearly, by quadratic convergence, the others
-    need not be made. `state.before` is used up.
+    If the first Newton step from the opening's pose nearly reaches it, convergence is quadratic,
+    and the other steps need not be made. `state.before` is overwritten.
     """
     found = state.before
     if not nearer(body.limbs, q, x, state.room) <= SAME_POSE:
@@ -260,7 +260,7 @@ def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool
 
 @compiled(borrows=True)
 def apart(x: Array, other: Array) -> float:
-    """Largest difference of two poses' numbers; infinite where one is none."""
+    """Largest difference of two poses' coordinates; infinite if one is not finite."""
     most = 0.0
     for i in range(len(x)):
         most = max(most, abs(x[i] - other[i]))
@@ -271,7 +271,7 @@ def apart(x: Array, other: Array) -> float:
 
 @compiled(borrows=True)
 def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: State) -> None:
-    """Fill in what the machine makes of a sample: pose, dimensions, loads."""
+    """Fill in a sample's signals that depend on the machine: pose, dimensions, loads."""
     at = stages.at
     copy_into(signals[at[POSE] : at[POSE] + len(x)], x)
     copy_into(signals[at[GEOMETRY] : at[GEOMETRY] + len(state.geometry)], state.geometry)
@@ -312,7 +312,7 @@ def add_signals(body: Body, stages: Stages, signals: Array, x: Array, state: Sta
 def shift(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
 ) -> None:
-    """Joints behind the drives and dimensions under these conditions."""
+    """Compute joints behind the drives, and dimensions, under a sample's conditions."""
     for i in range(len(state.joint)):
         state.joint[i] = signals[stages.at[JOINT] + i]
     add_shift(stages.drive, signals, values, state.drive, state.joint)
@@ -323,7 +323,7 @@ def shift(
 def shift_dimensions(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, state: State
 ) -> None:
-    """Dimensions under these conditions."""
+    """Compute dimensions under a sample's conditions."""
     if len(stages.structure.law):
         copy_into(state.shaped, g)
         add_shift(stages.structure, signals, values, state.structure, state.shaped)
@@ -334,7 +334,7 @@ def shift_dimensions(
 def begin_at(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
-    """Bring the pose x (k,) to a sample's readings of the joints, as if there were no effects."""
+    """Solve the pose x (k,) at a sample's joint readings, as if there were no effects."""
     _take_readings(body, stages, signals, g, state)
     return opened(body, state.joint, x, stray, state)
 
@@ -343,14 +343,14 @@ def begin_at(
 def begin_near_by(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
-    """The same, roughly: where steps of Newton's in the pose follow."""
+    """Set x (k,) near the pose of `begin_at`, as a start of Newton steps in the pose."""
     _take_readings(body, stages, signals, g, state)
     return opened_near(body, state.joint, x, stray, state)
 
 
 @compiled(borrows=True)
 def opened_near(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
-    """Bring the pose x to where steps of Newton's lead to that of joints q."""
+    """Set x to a pose from which Newton steps lead to that of joints q."""
     if not len(body.opening.law):
         return opened(body, q, x, stray, state)
     open_near(body, q, x, state)
@@ -368,7 +368,7 @@ def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: 
 def take_effects(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
 ) -> None:
-    """Let drives and dimensions be what the effects at the pose x (k,) make of them."""
+    """Set joints and dimensions by the effects at the pose x (k,), kept in `before`."""
     copy_into(state.before, x)
     add_signals(body, stages, signals, x, state)
     shift(body, stages, signals, g, values, state)
@@ -385,7 +385,7 @@ def next_round(
     x: Array,
     state: State,
 ) -> bool:
-    """Bring the pose x (k,) to where the effects at it lead; see `stand`."""
+    """Solve the pose x (k,) again, with the effects at the present one; see `stand`."""
     take_effects(body, stages, signals, g, values, x, state)
     good = assemble(body.limbs, state.joint, x, stray, state.room)
     state.swing[0] = apart(x, state.before)
@@ -396,7 +396,7 @@ def next_round(
 def step_on(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
 ) -> bool:
-    """The same by one of Newton's steps, where it only leads on: it leaves the step's square."""
+    """Do `next_round` by one Newton step only; the error left is of the order of its square."""
     take_effects(body, stages, signals, g, values, x, state)
     state.swing[0] = nearer(body.limbs, state.joint, x, state.room)
     return bool(state.swing[0] < np.inf)
@@ -414,18 +414,18 @@ def stand(
     x: Array,
     state: State,
 ) -> bool:
-    """Bring the pose x (k,) to where the machine stands under a sample's signals.
+    """Solve the pose x (k,) of the machine under a sample's signals, with all effects.
 
     Args:
         body: the mechanism; `state` has its dimensions g.
         stages: the effects.
-        signals: of the sample; what the machine makes of it is filled in.
+        signals: of the sample; those that depend on the machine are filled in.
         g: dimensions as identified, (p,).
         values: of the effects' parameters.
-        near: whether x is a pose nearby; else it is sought from the beginning.
+        near: whether x is a pose nearby; else the pose is solved from the beginning.
         stray: largest closure that counts as closed.
         x: the pose; NaN where there is none.
-        state: scratch, and where joints and dimensions end.
+        state: scratch; joints and dimensions are written there.
     """
     state.swing[0] = 0.0
     if not stages.stands:

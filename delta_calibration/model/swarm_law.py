@@ -1,11 +1,11 @@
-"""How a swarm's inertia follows its own diversity, paper 000 (11)-(14).
+"""Inertia of a swarm by its diversity: Pan, Qiu, Liu (2017), see apso.py, (11)-(14).
 
-For a swarm of m particles whose places along the diagonal of the search box are y in [-1, 1],
-counted in m equal bins of which b holds h_b:
+For a swarm of m particles whose positions along the diagonal of the search box are y in [-1, 1],
+counted in m equal bins of which bin b holds h_b:
 
     E = -sum q_b ln q_b / ln m,  q_b = h_b / m        w = 1 / (1 + 1.5 exp(-2.6 E))
 
-The paper does not divide E by ln m; (14) wants it in [0, 1].
+The paper does not divide E by ln m; (14) requires E in [0, 1].
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 def diversity(along: Array) -> Array:
-    """Return E (n,) of n swarms by their particles' places along the diagonal, (n, m)."""
+    """Return E (n,) of n swarms by their particles' positions along the diagonal, (n, m)."""
     n, m = along.shape
     bins = np.clip(np.floor((along + 1.0) * (0.5 * m)).astype(np.int64), 0, m - 1)
     places = bins + m * np.arange(n)[:, None]

@@ -15,10 +15,10 @@ from typing import Any
 
 Symbol = Any  # a CasADi expression, or a number
 
-LITTLE = 0.03  # [rad] largest turn that `little` is for
+LITTLE = 0.03  # [rad] largest rotation that `little` is for
 _TERMS_LITTLE = 3  # of its series: off by less than 2e-17
-_TERMS = 6  # of the series of a small turn: exact to rounding up to 0.5 rad
-_TINY = 1e-300  # beside a square, so that its root has a slope at 0
+_TERMS = 6  # of the series of a small rotation: exact to rounding up to 0.5 rad
+_TINY = 1e-300  # added to a square, so that its root has a derivative at 0
 
 
 def _casadi() -> Any:
@@ -36,17 +36,17 @@ def rows(*vectors: Symbol) -> Symbol:
 
 
 def sin(x: Symbol) -> Symbol:
-    """Sine, of radians."""
+    """Sine of an angle [rad]."""
     return _casadi().sin(x)
 
 
 def cos(x: Symbol) -> Symbol:
-    """Cosine, of radians."""
+    """Cosine of an angle [rad]."""
     return _casadi().cos(x)
 
 
 def acos(x: Symbol) -> Symbol:
-    """Arc cosine [rad]; not a number beyond -1 .. 1."""
+    """Arc cosine [rad]; NaN beyond -1 .. 1."""
     return _casadi().acos(x)
 
 
@@ -56,7 +56,7 @@ def atan2(y: Symbol, x: Symbol) -> Symbol:
 
 
 def sqrt(x: Symbol) -> Symbol:
-    """Square root; not a number below 0."""
+    """Square root; NaN below 0."""
     return _casadi().sqrt(x)
 
 
@@ -71,27 +71,27 @@ def tanh(x: Symbol) -> Symbol:
 
 
 def sign(x: Symbol) -> Symbol:
-    """-1, 0 or 1."""
+    """Sign of x: -1, 0 or 1."""
     return _casadi().sign(x)
 
 
 def absolute(x: Symbol) -> Symbol:
-    """x without its sign."""
+    """Absolute value of x."""
     return _casadi().fabs(x)
 
 
 def minimum(x: Symbol, y: Symbol) -> Symbol:
-    """The lesser of two."""
+    """The smaller of two values."""
     return _casadi().fmin(x, y)
 
 
 def maximum(x: Symbol, y: Symbol) -> Symbol:
-    """The greater of two."""
+    """The larger of two values."""
     return _casadi().fmax(x, y)
 
 
 def floor(x: Symbol) -> Symbol:
-    """The next whole number below."""
+    """The largest whole number that is not above x."""
     return _casadi().floor(x)
 
 
@@ -101,7 +101,7 @@ def where(condition: Symbol, yes: Symbol, no: Symbol) -> Symbol:
 
 
 def matrix(entries: Symbol, width: int) -> Symbol:
-    """The matrix of so many columns whose entries, row by row, these are."""
+    """The matrix of `width` columns with these entries, row by row."""
     return _casadi().reshape(entries, width, entries.shape[0] // width).T
 
 
@@ -116,7 +116,7 @@ def square(a: Symbol) -> Symbol:
 
 
 def norm(a: Symbol) -> Symbol:
-    """Length of a vector; its slope is not a number at 0."""
+    """Length of a vector; its derivative is NaN at 0."""
     return sqrt(square(a))
 
 
@@ -140,7 +140,7 @@ def _series(square_: Symbol, terms: int) -> tuple[Symbol, Symbol]:
 
 
 def little(angle: Symbol) -> tuple[Symbol, Symbol]:
-    """Cosine and sine of a turn up to `LITTLE` [rad], by products and sums alone."""
+    """Cosine and sine of an angle up to `LITTLE` [rad], by products and sums alone."""
     square_ = angle * angle
     a, b = _series(square_, _TERMS_LITTLE)
     return 1 - square_ * b, a * angle
@@ -164,9 +164,9 @@ def _rotation(w: Symbol, a: Symbol, b: Symbol) -> Symbol:
 
 
 def _half_turn(w: Symbol) -> tuple[Symbol, Symbol]:
-    """sin(t)/t and cos t of half the turn t that a rotation vector is long.
+    """sin(t)/t and cos t, where t is half the length of a rotation vector w.
 
-    Their slopes are off by rounding over t, and go with w, which is no longer than 2 t.
+    Their derivatives are off by rounding over t, but are multiplied by w, whose length is 2 t.
     """
     half = sqrt(square(w) + _TINY) / 2
     return sin(half) / half, cos(half)
@@ -179,7 +179,7 @@ def quaternion(w: Symbol) -> Symbol:
 
 
 def quaternion_product(a: Symbol, b: Symbol) -> Symbol:
-    """The turn of b, then that of a; both scalar first."""
+    """Product of quaternions: the rotation b, then a; both scalar first."""
     s, t, u, v = a[0], b[0], a[1:4], b[1:4]
     return column(s * t - dot(u, v), s * v + t * u + cross(u, v))
 
@@ -195,5 +195,5 @@ def rotation_vector(q: Symbol) -> Symbol:
 
 
 def wrapped(angle: Symbol) -> Symbol:
-    """The same direction in (-pi, pi] [rad]."""
+    """The angle of the same direction in (-pi, pi] [rad]."""
     return angle + 2 * pi * floor((pi - angle) / (2 * pi))

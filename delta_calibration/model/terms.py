@@ -1,16 +1,16 @@
-"""Effects as terms: many small laws that add to what a stage of the chain hands on.
+"""Effects as terms: many small laws, each added to the values of a stage of the chain.
 
 A term is one evaluation of an effect's law: it takes some of a sample's signals, some of the
 effect's values and constants of its own, and adds to some numbers of its stage (joint angles,
 dimensions or the reading). A table holds the terms of any number of effects; laws are called by
-their addresses, so no set of effects has to be compiled.
+their addresses, so a set of effects needs no compilation.
 
     law (T,)        addresses
-    lead (T,)       where its first signal is
-    reach (T, 2)    least and largest value of that with which the term does anything: beyond it is
-                    passed over
-    end (T,)        first term behind the run that a term is in: of terms with the same `lead`, and
-                    with `reach` that does not fall at either side
+    lead (T,)       place of its first signal
+    reach (T, 2)    least and largest value of that signal at which the term is not zero: outside
+                    of this range it is skipped
+    end (T,)        first term after the run that a term is in: a run is of terms with the same
+                    `lead`, in which neither bound of `reach` decreases
     span (T, 9)     begin and number of a term's signals, values and outputs in `signal`, `value`,
                     `output`; where its workspace begins, its size, where f stands in it
     work            the workspaces, constants already in their places
@@ -34,18 +34,18 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Term:
-    """What one evaluation of a law takes and where it adds."""
+    """Inputs of one evaluation of a law, and the places that its outputs are added to."""
 
     signals: tuple[int, ...]  # places in the sample's signals
     values: tuple[int, ...]  # places among the effect's parameters
-    outputs: tuple[int, ...]  # places in the stage; negative: nowhere
+    outputs: tuple[int, ...]  # places in the stage; negative: not added
     constants: tuple[float, ...] = ()
-    reach: tuple[float, float] = (-np.inf, np.inf)  # of its first signal, beyond which it is zero
+    reach: tuple[float, float] = (-np.inf, np.inf)  # range of its first signal, zero outside
 
 
 @record
 class Table(NamedTuple):
-    """Terms as the compiled loops take them."""
+    """Terms in the form of the compiled loops; see the module docstring."""
 
     law: Index
     lead: Index
@@ -58,12 +58,12 @@ class Table(NamedTuple):
     work: Array
 
 
-_AT_A_TIME = 128  # samples, whose signals stay at hand for all terms
+_AT_A_TIME = 128  # samples, whose signals stay in the processor's cache for all terms
 S_AT, S_COUNT, V_AT, V_COUNT, O_AT, O_COUNT, W_AT, W_SIZE, F_AT = range(9)
 
 
 def table_of(parts: Sequence[tuple[Law, Sequence[Term], int]]) -> Table:
-    """The table of some effects: law, terms, and where the effect's values begin."""
+    """Build the table of some effects, each a law, its terms, and where its values begin."""
     law, lead, reach, span, work = [], [], [], [], []
     signal: list[int] = []
     value: list[int] = []
@@ -120,9 +120,9 @@ def _ends(lead: Sequence[int], reach: Sequence[tuple[float, float]]) -> list[int
 
 @compiled(borrows=True)
 def busy_from(table: Table, term: int, signals: Array) -> int:
-    """The first term from this one on that may do something at a sample, or their number.
+    """Return the first term from this one on that may be nonzero at a sample, or their number.
 
-    Where its signal is not a number it may.
+    A term whose first signal is NaN may be nonzero.
     """
     while term < len(table.law):
         led, end = signals[table.lead[term]], int(table.end[term])
@@ -157,7 +157,7 @@ def evaluate(table: Table, term: int, signals: Array, values: Array, work: Array
 
 @compiled(borrows=True)
 def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: Array) -> None:
-    """Add what all terms do to a stage, (size of the stage,)."""
+    """Add the outputs of all terms to `shift`, (size of the stage,)."""
     term = busy_from(table, 0, signals)
     while term < len(table.law):
         evaluate(table, term, signals, values, work)
@@ -172,14 +172,14 @@ def add_shift(table: Table, signals: Array, values: Array, work: Array, shift: A
 
 @compiled(borrows=True)
 def slopes_of(slope: Array, output: Index, value: Index, by_stage: Array, found: Array) -> None:
-    """Add to `found` (d, K) how what goes with a stage goes with the values of one term.
+    """Add derivatives by the values of one term, through its stage, to `found` (d, K).
 
     Args:
-        slope: of each output by each value, one output after the other.
-        output: rows of the stage; negative: nowhere.
-        value: columns.
-        by_stage: (d, size of the stage).
-        found: (d, K).
+        slope: derivative of each output by each value, one output after the other.
+        output: rows of the stage; negative: not added.
+        value: columns of `found`.
+        by_stage: derivatives of d quantities by the stage, (d, size of the stage).
+        found: their derivatives by the values, (d, K).
     """
     for i in range(len(output)):
         row = output[i]
@@ -188,15 +188,15 @@ def slopes_of(slope: Array, output: Index, value: Index, by_stage: Array, found:
         for j in range(len(value)):
             own = slope[i * len(value) + j]
             if own == 0.0:
-                continue  # of many outputs most go with one value each
+                continue  # most of many outputs depend on one value each
             for side in range(len(found)):
-                if by_stage[side, row] != 0.0:  # else it is nothing, even of what is unknown
+                if by_stage[side, row] != 0.0:  # 0 times NaN counts as 0
                     found[side, value[j]] += by_stage[side, row] * own
 
 
 @compiled(borrows=True)
 def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slopes: Array) -> None:
-    """Add to `slopes` (d, K) how what goes with a stage as `by_stage` (d, size) goes with values.
+    """Add derivatives by all values, through a stage of `by_stage` (d, size), to `slopes` (d, K).
 
     The terms have been evaluated on these signals; their derivatives are in the workspaces.
     """
@@ -212,7 +212,7 @@ def slopes_into(table: Table, signals: Array, work: Array, by_stage: Array, slop
 
 @compiled(borrows=True)
 def takes(table: Table, begin: int, count: int) -> bool:
-    """Whether any term takes one of these signals."""
+    """Whether any term takes one of the `count` signals from `begin` on."""
     for term in range(len(table.law)):
         span = table.span[term]
         for i in range(span[S_COUNT]):
@@ -223,7 +223,7 @@ def takes(table: Table, begin: int, count: int) -> bool:
 
 @compiled()
 def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
-    """What all terms add to a stage at every sample, (n, size)."""
+    """Sum of all terms on a stage at every sample, (n, size)."""
     found, work = np.zeros((len(signals), size)), table.work.copy()
     for row in range(len(signals)):
         add_shift(table, signals[row], values, work, found[row])
@@ -232,7 +232,7 @@ def shifts(table: Table, signals: Array, values: Array, size: int) -> Array:
 
 @compiled()
 def firsts(table: Table, signals: Array, values: Array) -> Array:
-    """What each term adds at every sample to the first of the rows that it moves, (n, terms)."""
+    """First output of each term at every sample, (n, terms)."""
     found, work = np.zeros((len(signals), len(table.law))), table.work.copy()
     for row in range(len(signals)):
         term = busy_from(table, 0, signals[row])
@@ -261,12 +261,12 @@ def _derive(
         signals: (n, S).
         values: (K,).
         by_stage: see `columns`.
-        place: see `slopes`; empty, where it is columns that are found.
+        place: see `slopes`; empty to find columns.
         work: the workspaces.
         found: columns (n, d, K), or slopes (1, rows, n).
     """
     count, shared = len(signals), len(by_stage) == 1
-    apart = len(place) > 0  # slopes are asked for; without values there is nothing to find
+    apart = len(place) > 0  # slopes are wanted; without values there are none
     for begin in range(0, count, _AT_A_TIME):
         for term in range(len(table.law)):
             span, law = table.span[term], table.law[term]
@@ -297,13 +297,14 @@ def _derive(
 
 @compiled()
 def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Array:
-    """How what goes with a stage as `by_stage` goes with the values at every sample, (n, d, K).
+    """Derivatives of d quantities by the values, through a stage, at every sample, (n, d, K).
 
     Args:
         table: the terms.
         signals: (n, S).
         values: (K,).
-        by_stage: (n, d, size of the stage), or (1, d, size) where all samples share it.
+        by_stage: derivatives of the d quantities by the stage, (n, d, size of the stage), or
+            (1, d, size) where all samples share it.
     """
     found = np.zeros((len(signals), by_stage.shape[1], len(values)))
     nowhere = np.zeros(0, dtype=np.int64)
@@ -313,14 +314,14 @@ def columns(table: Table, signals: Array, values: Array, by_stage: Array) -> Arr
 
 @compiled()
 def slopes(table: Table, signals: Array, values: Array, place: Index, rows: int) -> Array:
-    """How the one number that each value moves goes with it at every sample, (rows, n).
+    """Derivative of the one number that each value moves, at every sample, (rows, n).
 
     Args:
-        table: terms that move a number each, by values that no other takes.
+        table: terms of one output each, with values that no other term takes.
         signals: (n, S).
         values: (K,).
-        place: row of each value, (K,); negative: nowhere.
-        rows: how many there are.
+        place: row of each value, (K,); negative: left out.
+        rows: number of rows.
     """
     found, none = np.zeros((rows, len(signals))), np.zeros((0, 0, 0))
     whole = found.reshape((1, rows, len(signals)))

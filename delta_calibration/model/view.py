@@ -1,14 +1,14 @@
-"""What a machine shows: its pose, a tracker's reading of it, and how either goes with theta.
+"""Compiled measurement model: pose, tracker reading, and their derivatives by theta.
 
 For one sample, with p(x, o) the reflector's place on a platform at pose x and R, t the frame,
 
     before = R (p + d + b x p) + t      (d, b) = B(c, v)      reading = before + M(c, before, v)
 
-d, b being how far the base gives way and turns [m, rad] by the effects of what it stands on, and
-M the effects of the measurement. Derivatives by all of theta follow from the closure (the
+d, b being shift and rotation [m, rad] of the base by the effects of its support, and M the effects
+of the measurement. Derivatives by all of theta follow from the closure (the
 implicit function theorem) at the machine as it stands under the sample's conditions, and from the
-derivatives of the effects' laws. Loads are taken to stay as they are: they change by a thousandth
-where the pose does.
+derivatives of the effects' laws. Loads count as constant in the derivatives: they change by only a
+thousandth as the pose does.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ Index = NDArray[np.int64]
 
 @record
 class Device(NamedTuple):
-    """A reflector on the platform, and how the device that measures it stands."""
+    """A reflector on the platform, and the frame of the device that measures it."""
 
     offset: Array  # (3,) [m] of the reflector in the platform
     rotation: Array  # (3, 3) of the base in the device's frame
-    place: Array  # (3,) [m]
+    place: Array  # (3,) [m] of the base in the device's frame
     turning: Array  # (3, 3, 3) d(rotation[i, j]) / d(turn[k])
     at: Index  # (3,) where offset, turn and place begin in theta
 
 
 class Seen(NamedTuple):
-    """Of n samples; rows of NaN where the machine cannot stand."""
+    """Results of n samples; rows of NaN where the machine has no pose."""
 
     x: Array  # (n, k) pose
     joint: Array  # (n, m) behind the drives
     geometry: Array  # (n, p) dimensions under its conditions, or (1, p) where all share them
     before: Array  # (n, 3) [m] where the reflector is, in the device's frame
-    rate: Array  # (n, 3) [m/s] how fast it moves there; 0 where nobody asks for it, see `see`
+    rate: Array  # (n, 3) [m/s] its velocity there; 0 where it is not needed, see `see`
     reading: Array  # (n, 3) [m]
     by_joints: Array  # (n, d, m) d(before) or d(pose) by the joints behind the drives
     jacobian: Array  # (n, d, P) d(reading) or d(pose) by theta
@@ -65,12 +65,12 @@ class Room(NamedTuple):
     """Scratch, used again for every sample."""
 
     state: State
-    signals: Array  # (S,) of a sample, with what the machine makes of it
+    signals: Array  # (S,) of a sample, with those that depend on the machine
     last: Array  # workspaces of the terms of the measurement
-    slope: Array  # (d, k) of what is derived, by the pose
+    slope: Array  # (d, k) derivatives of d outputs by the pose
     unit: Array  # (3, 3)
-    turned: Array  # (3, 3) of the base, as it stands, in the device's frame
-    moved: Array  # (3,) [m] the reflector, in the base as it was without loads
+    turned: Array  # (3, 3) rotation of the shifted base in the device's frame
+    moved: Array  # (3,) [m] reflector in the frame of the base without loads
     shift: Array  # (6,) [m, rad] of the base
     by_base: Array  # (3, 6) d(before) by it
 
@@ -79,7 +79,7 @@ class Room(NamedTuple):
 def _move_base(
     stages: Stages, device: Device, sample: Array, theta: Array, first: int, room: Room
 ) -> None:
-    """Let the base give way: the reflector's place, which was evaluated, and the rotation."""
+    """Apply the shift of the base to the reflector's place, evaluated before, and the rotation."""
     state, shift, turned, by_base = room.state, room.shift, room.turned, room.by_base
     place = state.carried.point
     for i in range(6):
@@ -111,7 +111,7 @@ def _place_reflector(
     room: Room,
     before: Array,
 ) -> None:
-    """Evaluate the law of the reflector's place and put that into the device's frame."""
+    """Evaluate the law of the reflector's place and transform it to the device's frame."""
     state = room.state
     work, first = state.carried.point, body.bearing.point_at[2]
     point_at(body.bearing, x, device.offset, work)
@@ -139,7 +139,7 @@ def _by_pose(body: Body, turned: Array, asked: int, state: State, slope: Array) 
 
 @compiled(borrows=True)
 def _by_device(body: Body, device: Device, turned: Array, state: State, jacobian: Array) -> None:
-    """Columns of offset, turn and place of a reading, into `jacobian` (3, P)."""
+    """Columns of reflector offset and of device turn and place, into `jacobian` (3, P)."""
     work, first, by_offset = (
         state.carried.point,
         body.bearing.point_at[2],
@@ -168,9 +168,9 @@ def _derive(
     by_joints: Array,
     jacobian: Array,
 ) -> None:
-    """Derivatives by joints and, into the first of `jacobian`'s columns, by dimensions.
+    """Compute derivatives by joints and, into the first columns of `jacobian`, by dimensions.
 
-    And from them those by the values of the effects of drives, structure and base.
+    From these follow those by the values of the effects of drives, structure and base.
     """
     own, slope = room.state, room.slope
     _by_pose(body, room.turned, asked, own, slope)
@@ -178,7 +178,7 @@ def _derive(
     moved(body.limbs, slope, own.room, by_joints, jacobian)
     slopes_into(stages.drive, sample, own.drive, by_joints, jacobian)
     slopes_into(stages.structure, sample, own.structure, jacobian, jacobian)
-    if asked != POSES:  # a pose is one in the base
+    if asked != POSES:  # a pose is relative to the base
         slopes_into(stages.base, sample, own.base, room.by_base, jacobian)
 
 
@@ -197,7 +197,7 @@ def _see_each(
     found: Seen,
     room: Room,
 ) -> None:
-    """Fill in what every sample shows, one after the other."""
+    """Fill in the results of every sample, one after the other."""
     m, own, sample = body.limbs.sizes[M], room.state, room.signals
     reshaped = len(stages.structure.law) > 0
     rates, at = stages.at[RATE], stages.at[READING]
@@ -254,7 +254,7 @@ def see(
     asked: int,
     x: Array,
 ) -> Seen:
-    """What a machine shows at every sample.
+    """Compute poses, readings and wanted derivatives of a machine at every sample.
 
     Args:
         body: the mechanism.
@@ -263,11 +263,11 @@ def see(
         device: reflector and frame, the fields of `Device`.
         signals: (n, S) as recorded.
         g: dimensions, (p,).
-        theta: in which the effects' values are, (P,).
+        theta: all parameters, among them the effects' values, (P,).
         near: whether x holds poses nearby.
         stray: largest closure that counts as closed.
-        asked: of what derivatives are wanted: `NOTHING`, `READINGS` or `POSES`. How fast the
-            reflector moves is found with those of readings, or where `last` takes it.
+        asked: which derivatives are wanted: `NOTHING`, `READINGS` or `POSES`. The velocity of the
+            reflector is found with those of readings, or where `last` takes it.
         x: (n, k), filled in.
     """
     n, m, k = len(signals), body.limbs.sizes[M], body.limbs.sizes[K]

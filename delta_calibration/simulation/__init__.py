@@ -1,8 +1,8 @@
-"""A cell without a robot: a machine that is not built as drawn, and the tracker that measures it.
+"""Simulated cell: a machine that deviates from its drawing, and the tracker that measures it.
 
-The machine is the chain of measurement run forward with six rods, parameters drawn about the
-drawing and, hidden in it, whatever effects are wanted: the same chain and the same effects that
-are fitted afterwards, with numbers nobody tells them.
+The machine is the chain of measurement run forward with the most detailed model (for a delta, six
+rods), parameters drawn at random about the drawing, and any hidden effects: the same chain and the
+same effects that are fitted afterwards, with values that the fit is not given.
 """
 
 from delta_calibration.effects.time_course import WARM_UP

@@ -1,4 +1,4 @@
-"""A camera over a machine as it really is."""
+"""Simulated camera over an actual machine."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from delta_calibration.simulation.machine import TrueMachine, standing
 
 Array = NDArray[np.float64]
 
-_HUNG = 20e-3  # [m] that it hangs beside where the robot's file says
-_TILT = 0.03  # [rad] that it looks beside straight down
+_HUNG = 20e-3  # [m] standard deviation of its place from that in the robot's file
+_TILT = 0.03  # [rad] standard deviation of its tilt from straight down
 
 
 @dataclass(frozen=True)
 class CameraOver:
-    """A camera that hangs still over a machine and sees a mark at its tool."""
+    """A fixed camera over a machine that sees a mark at its tool."""
 
     machine: TrueMachine
     frame: Frame  # T_camera_base, the truth
 
     @classmethod
     def hung(cls, machine: TrueMachine, seed: int) -> CameraOver:
-        """Where the robot's file says, as well as people hang cameras, turned anyhow.
+        """Mount it at the place in the robot's file, with mounting errors and any heading.
 
         Raises:
             ConfigError: the robot has no camera.
@@ -44,7 +44,7 @@ class CameraOver:
     def look(self, joint: Array, count: int, rng: np.random.Generator) -> Array:
         """Images of the tool once joints (m,) have come to rest there, (count, 2) [px].
 
-        They rest beside their command by as much as they repeat to.
+        They rest off their command by an error of their repeatability.
 
         Raises:
             ReachError: joints that the machine cannot take, or a tool behind the camera.

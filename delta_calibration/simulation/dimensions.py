@@ -11,12 +11,12 @@ from delta_calibration.simulation.options import LOCATION, Options, require_know
 
 Array = NDArray[np.float64]
 
-SCATTER = "geometry"  # errors of all parts, none of them most of all
+SCATTER = "geometry"  # errors of all parts, none of them dominant
 OFFSET = "smr_offset"
-# Standard deviations of a part: so large, an error of one is plain among those of the others.
+# Standard deviations of a part: an error this large stands out from those of other parts.
 _PLAIN = 3.0
-# What of a cause's parameters a hidden one goes into: the same shift of a base joint and of its
-# platform joint would do nothing, and a mismatch is of the rods, not of widths and tilts as well.
+# Which of a cause's parameters a hidden error changes: the same shift of a base joint and of its
+# platform joint would have no effect, and a mismatch is of the rods, not of widths and tilts too.
 _HIDDEN_IN = {"base_joint_position": "base_", "parallelogram_mismatch": "rod_mismatch"}
 
 
@@ -26,12 +26,12 @@ def dimensions(chain: Chain) -> tuple[Parameter, ...]:
 
 
 def dimension_causes(chain: Chain) -> tuple[str, ...]:
-    """Causes that a dimension can have."""
+    """Causes of errors in the dimensions."""
     return (SCATTER, *dict.fromkeys(p.cause for p in dimensions(chain)))
 
 
 def rows_of(chain: Chain, cause: str, location: str | None) -> list[int]:
-    """Which of the dimensions a hidden cause goes into; none if there is no such place."""
+    """Rows of the dimensions that a hidden cause changes; none if there is no such location."""
     part = _HIDDEN_IN.get(cause, "")
     return [
         row
@@ -43,13 +43,14 @@ def rows_of(chain: Chain, cause: str, location: str | None) -> list[int]:
 
 
 def shift_of(chain: Chain, cause: str, options: Options, rng: np.random.Generator) -> Array:
-    """What a cause adds to the dimensions, (p + 3,) [m, rad].
+    """Shift of the dimensions by a cause, (p + 3,) [m, rad].
 
-    One part is moved as far as the options say, all parameters of the cause alike; a reflector so
-    far in a direction that is drawn; `geometry` draws all parts anew, beside their scatter.
+    All parameters of the cause, at its location if one is given, are shifted by the size in the
+    options; a reflector by that size in a random direction; `geometry` draws errors of all parts
+    in addition to their scatter.
 
     Raises:
-        InputError: an option that there is not, or a value that is no number.
+        InputError: an unknown option, or a value that is not a number.
     """
     rows = rows_of(chain, cause, options.get(LOCATION))
     every = dimensions(chain)

@@ -1,4 +1,4 @@
-"""The motion of joints that are told, one command after another, where to go."""
+"""Motion of joints that follow one command after another."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ from delta_calibration.data import Stroke
 
 Array = NDArray[np.float64]
 
-_WINDOW = 0.1  # [s] over which speeds are taken where commands are denser
-_FEWEST = 3  # commands that a parabola takes
-_LEAST = 1e-9  # [rad] back that is a turn: commands carry no noise, and play knows no patience
-_GAP = 0.25  # [s] across a longer pause there is no speed
+_WINDOW = 0.1  # [s] over which speeds are derived where commands are denser
+_FEWEST = 3  # number of commands that a parabola needs
+_LEAST = 1e-9  # [rad] smallest reversal: commands have no noise, and backlash acts at once
+_GAP = 0.25  # [s] no speed is derived across a longer pause
 
 
 @dataclass(frozen=True)
 class Following:
-    """Speed, acceleration, direction and travel of joints, kept up command by command."""
+    """Speed, acceleration, direction and travel of joints, updated at every command."""
 
     strokes: tuple[Stroke, ...]
     last: tuple[tuple[float, Array], ...] = ()  # commands: time [s], joints (m,) [rad]
 
     @classmethod
     def standing(cls, joint: Array) -> Following:
-        """Joints (m,) [rad] that have not moved yet."""
+        """Return the state of joints (m,) [rad] that have not moved yet."""
         return cls(tuple(Stroke(angle, least=_LEAST) for angle in joint.tolist()))
 
     def moved(self, joint: Array, time: float) -> Following:
-        """After a command to angles (m,) [rad] at a time [s]."""
+        """Return the state after a command to angles (m,) [rad] at a time [s]."""
         pairs = zip(self.strokes, joint.tolist(), strict=True)
         strokes = tuple(stroke.moved(angle) for stroke, angle in pairs)
         connected = bool(self.last) and 0 < time - self.last[-1][0] <= _GAP
@@ -40,11 +40,11 @@ class Following:
         return Following(strokes, last)
 
     def stopped(self) -> Following:
-        """Where the last command has led, and no further."""
+        """Return the state at rest at the last command."""
         return Following(self.strokes, self.last[-1:])
 
     def derivatives(self) -> tuple[Array, Array]:
-        """Speed and acceleration at the last command, (m,) each, by a parabola over the last."""
+        """Speed and acceleration at the last command, (m,) each, from a fitted parabola."""
         nothing = np.zeros(len(self.strokes))
         if len(self.last) < _FEWEST or np.array_equal(self.last[-1][1], self.last[-2][1]):
             return nothing, nothing
@@ -62,6 +62,6 @@ class Following:
         return np.array([stroke.direction for stroke in self.strokes])
 
     def travel(self, joint: Array) -> Array:
-        """How far joints at angles (m,) [rad] are from where they last turned, (m,) [rad]."""
+        """Distance of joints at angles (m,) [rad] from their last reversal, (m,) [rad]."""
         pairs = zip(self.strokes, joint.tolist(), strict=True)
         return np.array([stroke.travel(angle) for stroke, angle in pairs])

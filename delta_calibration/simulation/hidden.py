@@ -1,8 +1,8 @@
-"""What is wrong with a machine beyond its scatter: causes by name, each with options.
+"""Hidden errors of a machine beyond its scatter: causes by name, each with options.
 
-Sizes are `value`, in SI, or `strength`, in typical sizes (those that the fit expects). What is not
-said is drawn by the seed: phases of harmonics and the way in which a tracker drifts, and with a
-strength also signs and each joint's share; always what a machine can have.
+A size is `value`, in SI, or `strength`, in typical sizes (those that the fit expects). The seed
+draws all that is not given: phases of harmonics and the direction in which a tracker drifts, and
+with a strength also signs and each joint's share; always within what a machine can have.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from delta_calibration.simulation.options import (
 Array = NDArray[np.float64]
 Causes = Mapping[str, Options] | Iterable[tuple[str, Options]]
 
-_SHARE = (0.7, 1.3)  # of a typical size that a joint has
+_SHARE = (0.7, 1.3)  # range of a joint's share of the typical size
 
 
 @dataclass(frozen=True)
@@ -54,16 +54,16 @@ class Hidden:
 
 
 def hideable_causes(robot: Robot, chain: Chain) -> tuple[str, ...]:
-    """Causes that a machine can hide."""
+    """Causes that can be hidden in a machine."""
     effects = (effect.cause for effect in catalogue(robot, chain.mechanism))
     return tuple(dict.fromkeys((*dimension_causes(chain), *effects)))
 
 
 def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
-    """What these causes do to a machine that `chain` describes without them.
+    """Return shifts and effects of these causes, for a machine that `chain` has without them.
 
     Raises:
-        InputError: a cause or an option that there is not, or a value that is not allowed.
+        InputError: an unknown cause or option, or a value that is not allowed.
     """
     shift = np.zeros(len(dimensions(chain)))
     found: dict[str, tuple[Effect, Array]] = {}
@@ -92,7 +92,7 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
 
 
 def _placed(robot: Robot, options: Options) -> Options:
-    """Options with the place of a joint that they name as the robot's file does."""
+    """Return the options, their location converted from the robot file's name of a joint."""
     if LOCATION not in options:
         return options
     return {**options, LOCATION: robot.place(options[LOCATION])}
@@ -111,9 +111,9 @@ def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> 
 
 
 def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
-    """The effect with the settings among the options, or in its usual shape."""
+    """Return the effect with the settings among the options, or with its usual settings."""
     plain = effect_named(cause, robot, chain.mechanism, {})
-    # A shape that is an array is no setting of a machine's: it goes with the values.
+    # A setting that is an array cannot be an option: it goes with the values.
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
     places = [LOCATION] if any(p.location for p in plain.parameters) else []
     require_known(cause, options, (*places, VALUE, STRENGTH, *own))
@@ -123,10 +123,10 @@ def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
 
 
 def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Setting:
-    """A setting of the type of its usual value.
+    """Convert an option to a setting of the type of its usual value.
 
     Raises:
-        InputError: not a number, one that cannot be, or a sensor that the cell does not have.
+        InputError: not a number, a number out of range, or a sensor that the cell does not have.
     """
     cause, text = effect.cause, options[key]
     if isinstance(usual, str):
@@ -142,10 +142,10 @@ def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Sett
 
 
 def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array:
-    """Of the effect's parameters, (k,)."""
+    """Draw the values of the effect's parameters, (k,)."""
     parameters = effect.parameters
     size = sizes(effect.cause, options, parameters.prior, 1.0, parameters.units[0])
-    # All is drawn, needed or not: a location or a value leaves the rest as it is.
+    # All is drawn, needed or not, so that a location or a value does not change the rest.
     share, sign = rng.uniform(*_SHARE, len(size)), rng.choice([-1.0, 1.0], len(size))
     _, vector = np.unique([_vector(p) for p in parameters], return_inverse=True)
     size = size * _ways(vector, rng.standard_normal(len(size)))
@@ -163,7 +163,7 @@ def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array
 
 
 def _vector(parameter: Parameter) -> str:
-    """Of which vector a parameter is a part: a harmonic, a shift; its own name if of none."""
+    """Name of the vector (harmonic, shift) that a parameter is part of, else its own name."""
     stem, _, end = parameter.name.rpartition("_")
     if stem.endswith("sine"):
         return f"{stem.removesuffix('cosine').removesuffix('sine')}harmonic_{end}"
@@ -171,7 +171,7 @@ def _vector(parameter: Parameter) -> str:
 
 
 def _ways(vector: NDArray[np.intp], drawn: Array) -> Array:
-    """Vectors of length one in ways that are drawn, 1 for a vector of one part, (k,).
+    """Components of unit vectors in random directions, 1 for a vector of one component, (k,).
 
     Args:
         vector: number of the vector that each of k parameters is a part of, (k,).
@@ -182,7 +182,7 @@ def _ways(vector: NDArray[np.intp], drawn: Array) -> Array:
 
 
 def _signed(effect: Effect, parameter: Parameter) -> bool:
-    """Whether it may as well be negative."""
+    """Whether a parameter may also be negative."""
     return parameter.lower < 0 and effect.either_sign
 
 

@@ -1,4 +1,4 @@
-"""A machine as it really is, in front of a tracker."""
+"""The actual machine of a simulation, in front of a tracker."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from delta_calibration.simulation.hidden import Causes, hide
 Array = NDArray[np.float64]
 
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
-_REFLECTOR = 1e-3  # [m] that it is usually mounted off its place; less where a file knows better
+_REFLECTOR = 1e-3  # [m] usual mounting error of the reflector; less if the file's prior is less
 
 
 @dataclass(frozen=True)
 class TrueMachine:
-    """A machine as it really is, in front of a tracker; its chain has all effects that it has."""
+    """The actual machine in front of a tracker; its chain contains all effects that it has."""
 
     robot: Robot
     chain: Chain
@@ -35,27 +35,27 @@ class TrueMachine:
 
     @property
     def warms(self) -> bool:
-        """Whether it grows with its temperature."""
+        """Whether any of its effects depends on the temperature of a part."""
         return any(effect.part for effect in self.chain.effects)
 
     def tool_points(self, at: Conditions) -> Array:
-        """Where the tool truly is in the base, (n, 3) [m]; NaN out of reach.
+        """True tool points in the base, (n, 3) [m]; NaN out of reach.
 
-        With what drives and structure do under these conditions; what the tracker makes of it, and
-        noise, are not in it.
+        They include the effects of drives and structure under these conditions, but neither the
+        effects of the measurement nor noise.
         """
         return self.chain.point(self.chain.pose(at, self.theta), self.tool)
 
     def reflector_points(self, at: Conditions) -> Array:
-        """Where the reflector truly is before the tracker, (n, 3) [m]: what a perfect one reads.
+        """True reflector points in the tracker's frame, (n, 3) [m]; NaN out of reach.
 
-        NaN out of reach.
+        These are the readings of a perfect tracker, without effects of the base.
         """
         _, offset, frame = self.chain.split(self.theta)
         return frame.apply(self.chain.point(self.chain.pose(at, self.theta), offset))
 
     def readings(self, at: Conditions, rng: np.random.Generator) -> Array:
-        """What the tracker says, (n, 3) [m], with noise along and across its beam.
+        """Tracker readings, (n, 3) [m], with noise along and across the beam.
 
         Raises:
             ReachError: joint angles at which the machine cannot be assembled.
@@ -71,9 +71,9 @@ class TrueMachine:
         return np.asarray(true + along * radial + across * (noise - radial))
 
     def turns(self, at: Conditions, rng: np.random.Generator) -> Array | None:
-        """How the tracker says the platform is turned, (n, 4) x y z w, with its noise.
+        """Platform orientations read by the tracker, (n, 4) x y z w, with noise.
 
-        None of a tracker that measures points, or whose turns are of unknown worth.
+        None for a tracker that measures points, or whose rotation noise is unknown.
         """
         tracker = self.robot.tracker
         if tracker.measures != "pose" or tracker.turn is None:
@@ -84,18 +84,18 @@ class TrueMachine:
         return rotations.to_quaternion(turned)
 
     def rest_error(self, rng: np.random.Generator) -> Array:
-        """How far from the command the joints come to rest after a move, (m,) [rad]."""
+        """Draw the deviations of the joints from the command at rest after a move, (m,) [rad]."""
         return self.robot.joints.repeatability * rng.standard_normal(len(self.robot.joints.names))
 
     def encoders(self, command: Array, rng: np.random.Generator) -> Array:
-        """What encoders say at commands (n, m) [rad]: the command, as the drive sees no error."""
+        """Encoder readings at commands (n, m) [rad]: command and noise, as drives see no error."""
         return command + self.robot.joints.encoder * rng.standard_normal(command.shape)
 
 
 def standing(joint: Array, payload: float = 0.0) -> Conditions:
-    """Joints (n, m) [rad] that stand in a cell just switched on, all of it at 20 deg C.
+    """Conditions of joints (n, m) [rad] at rest in a cell just switched on, all at 20 deg C.
 
-    Neither direction nor travel of the last motion count: play is in its middle.
+    Neither direction nor travel of the last motion counts: backlash is in its middle.
     """
     n = len(joint)
     return replace(
@@ -110,17 +110,17 @@ def standing(joint: Array, payload: float = 0.0) -> Conditions:
 def draw_machine(
     robot: Robot, seed: int, scatter: float = 1.0, hidden: Causes = ()
 ) -> TrueMachine:
-    """A machine whose parts deviate by `scatter` times their tolerances, a tracker about 3 m away.
+    """Draw a machine with errors of `scatter` times the tolerances, a tracker about 3 m away.
 
     Args:
         robot: drawing and tolerances.
-        seed: of everything that is drawn.
+        seed: of all random numbers.
         scatter: 1 is a real machine, 0 one as drawn.
         hidden: causes to add, by name, each with its options: `value` (SI) or `strength` (in
             typical sizes), `location` (joint_1 ...), and settings of the effect.
 
     Raises:
-        InputError: a cause or an option that there is not, or a value that is not allowed.
+        InputError: an unknown cause or option, or a value that is not allowed.
     """
     rng = np.random.default_rng(seed)
     mechanism = robot.detailed

@@ -13,12 +13,12 @@ from delta_calibration.texts import number_of
 Array = NDArray[np.float64]
 Options = Mapping[str, str]
 
-_MOST = 1e9  # no setting of an effect is larger in SI
+_MOST = 1e9  # largest allowed setting of an effect, in SI units
 VALUE, STRENGTH, LOCATION = "value", "strength", "location"
 
 
 def effect_options(text: str) -> tuple[str, dict[str, str]]:
-    """`NAME:k=v,k=v` as a name and its options.
+    """Split `NAME:k=v,k=v` into a name and its options.
 
     Raises:
         InputError: text of another form.
@@ -60,10 +60,10 @@ def require_one_of(cause: str, options: Options, either: Collection[str]) -> Non
 
 
 def number(cause: str, key: str, options: Options, unit: str) -> float:
-    """An option as a number.
+    """Return an option as a number.
 
     Raises:
-        InputError: not a finite one.
+        InputError: not a finite number, or larger than any setting can be.
     """
     value, said = number_of(options[key]), f" (SI: {unit})" if unit else ""
     if np.isnan(value):
@@ -77,10 +77,10 @@ def number(cause: str, key: str, options: Options, unit: str) -> float:
 
 
 def sizes(cause: str, options: Options, typical: Array, usual: float, unit: str) -> Array:
-    """Size of each of k parameters of these typical sizes, (k,).
+    """Sizes of k parameters with these typical sizes, (k,).
 
-    With `value` the first has that value, and those of another typical size as much in proportion;
-    with `strength` each so many times its typical size, `usual` times by default.
+    With `value` the first parameter has that value, the others in proportion to their typical
+    sizes; with `strength` each has so many times its typical size, `usual` times by default.
 
     Raises:
         InputError: not a finite number, or both given.

@@ -1,4 +1,4 @@
-"""A session of a simulated machine: taken through a plan, and all recorded that a cell records."""
+"""Simulated session: a machine runs a plan, and all streams of a cell are recorded."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 _PAYLOAD_CENTRE = np.array([0.0, 0.0, -0.03])  # [m] in the platform's frame
-_THERMOMETERS = 60.0  # [s] from one temperature to the next
-_FINE = 20.0  # [1/s] at which the motion between slower samples is looked at
+_THERMOMETERS = 60.0  # [s] between temperature readings
+_FINE = 20.0  # [1/s] least rate at which the motion is computed, for slower samples too
 
 
 def simulate_session(
@@ -41,22 +41,22 @@ def simulate_session(
     follow: Callable[[Iterator[Leg]], Iterable[Leg]] = iter,
     warming: bool = False,
 ) -> Session:
-    """Take the machine through a plan and record what a cell records.
+    """Run a plan on the machine and record all streams of a cell.
 
     The state of the motion (which way each joint went last and how far, speeds, time, payload,
     temperatures) is carried through the whole session.
 
     Args:
-        machine: what is measured.
-        plan: where to.
+        machine: the machine that is measured.
+        plan: the motion.
         seed: of the noise.
-        rate: of readings and joint states [1/s]; commands, that a turn shows in, come 20 a second
-            at least.
-        period: at least this long from stop to stop [s]; what is waited is not recorded.
+        rate: of readings and joint states [1/s]; commands, which show the reversals, come at
+            20 a second at least.
+        period: least time from stop to stop [s]; the waiting is not recorded.
         source: the session's name.
-        follow: is handed the legs and hands them on; for a progress bar.
-        warming: whether the cell was switched on when the session began, and warms up. One whose
-            machine grows with its temperature always does; all others are at 20 deg C.
+        follow: wraps the iteration over the legs; for a progress bar.
+        warming: whether the cell was switched on when the session began, and warms up. It always
+            does if an effect of the machine depends on temperature; else it is at 20 deg C.
 
     Raises:
         ReachError: the plan leads where the machine cannot go.
@@ -106,7 +106,7 @@ def _motion(
     payload = np.concatenate([np.full(len(way.time), way.payload) for way in ways])
     kept = np.concatenate([np.arange(len(leg.time)) % each == 0 for leg in fine])
     n = len(payload)
-    # moves begin and end softly: where joints stand, a difference to a neighbour is no speed
+    # moves begin and end softly: a difference from joints at rest to a neighbour is no speed
     moving = np.concatenate([way.moving for way in ways])[:, None]
     conditions = Conditions(
         joint=np.concatenate([way.joint for way in ways]),
@@ -126,7 +126,7 @@ def _motion(
 
 
 def _thinned(leg: Leg, each: int) -> Leg:
-    """Every so many-th sample of a leg."""
+    """Keep every `each`-th sample of a leg."""
     return Leg(leg.time[::each], leg.joint[::each], leg.resting[::each], leg.payload)
 
 
@@ -142,7 +142,7 @@ def _stamps(time: Array) -> Stamps:
 
 
 def _payloads(at: Conditions) -> PayloadStream:
-    """One message before the first leg with each payload."""
+    """One message at the first sample after each change of payload."""
     change = np.flatnonzero(np.diff(at.payload, prepend=np.nan) != 0)
     return PayloadStream(_stamps(at.time[change]), at.payload[change], at.payload_centre[change])
 

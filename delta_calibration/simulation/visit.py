@@ -1,4 +1,4 @@
-"""The same machine on another day: the tracker set up anew, the reflector mounted anew."""
+"""The same machine on another day: tracker set up again, reflector mounted again."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _DAY_NS = 86_400_000_000_000
 def visited(
     machine: TrueMachine, robot: Robot, seed: int, visit: int, scatter: float = 1.0
 ) -> TrueMachine:
-    """The machine before a tracker that stands elsewhere, its reflector mounted anew.
+    """Return the machine with its tracker at another place and its reflector mounted again.
 
     Args:
-        machine: what is measured.
+        machine: the machine that is measured.
         robot: drawing and tolerances.
         seed: that the machine was drawn with.
-        visit: which one; 0 leaves all as it is.
-        scatter: of the reflector's place, as of the machine.
+        visit: number of the visit; 0 leaves all as it is.
+        scatter: of the reflector's place, as in `draw_machine`.
     """
     if visit == 0:
         return machine
@@ -38,7 +38,7 @@ def visited(
 
 
 def days_later(session: Session, days: int) -> Session:
-    """The session with all its stamps so many days later."""
+    """Return the session with all its time stamps so many days later."""
     shift = days * _DAY_NS
 
     def later(stream: Stream) -> Stream:
