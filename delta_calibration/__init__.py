@@ -19,16 +19,16 @@ print(f"{1e3 * left:.4f} mm are left, {1e3 * before:.4f} before")
 save_calibration(Path("calibration.yaml"), found, robot, poses)
 ```
 
-- `recording`: sessions (rosbag2 folders), read and written; tables of others
+- `recording`: reads and writes sessions (rosbag2 folders), imports tables of other systems
 - `data`: sessions, their poses at rest and motions
-- `robot`, `mechanisms`: the robot file, and what it draws
-- `estimation`, `diagnosis`, `effects`: geometry, what it leaves out, the causes; `papers`: their
-  methods
-- `calibration`, `calibration_file`: what was found, and its file
+- `robot`, `mechanisms`: the robot file, and the kinematic models it selects
+- `estimation`, `diagnosis`, `effects`: geometric identification, search for non-geometric causes,
+  the catalogue of effects; `papers`: identification methods of the papers
+- `calibration`, `calibration_file`: the identified robot, and its file
 - `compensation`: joint commands that put the tool where it was meant to be
-- `simulation`, `plans`, `accuracy`: a machine with errors, where to measure it, ISO 9283
+- `simulation`, `plans`, `accuracy`: a machine with errors, measurement plans, ISO 9283
 - `report`: figures, tables, the page
-- `notebook`: the same in a notebook: `open_session`, tables and plots
+- `notebook`: the same functions in a notebook: `open_session`, tables and plots
 - `cli`: `delta-cal`; `cell`, `ros`: the live cell and its nodes
 """
 

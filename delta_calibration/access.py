@@ -1,9 +1,9 @@
-"""Who may do what in a cell: the topics and services of every node, and the SROS 2 policy of them.
+"""Access rights of every node (topics and services), and the SROS 2 policy that grants them.
 
-SROS 2 gives each process an identity (an enclave) and lets it publish, listen, answer and ask only
-what a policy says. The policy is written here from the list of what each node opens. The list is
-kept beside the nodes, as the command line works without ROS; test/test_access.py holds it against
-the graph of the running nodes.
+SROS 2 gives each process an identity (an enclave) and lets it publish, subscribe, reply and
+request only what a policy allows. The policy is generated here from the list of topics and
+services that each node opens. The list is kept apart from the nodes, as the command line works
+without ROS; test/test_access.py compares it with the graph of the running nodes.
 
 Source: ROS 2 design, "ROS 2 access control policies", policy format 0.2.0.
 """
@@ -60,14 +60,14 @@ _ORDERS = tuple(
 
 @dataclass(frozen=True)
 class Rights:
-    """What one node may do: names as a node gives them, `~/` for its own, `/` for no namespace.
+    """Access rights of one node; names as in its code, `~/` private, `/` outside any namespace.
 
     Attributes:
         node: name of the node.
-        publish: topics that it sends.
-        subscribe: topics that it listens to.
+        publish: topics that it publishes.
+        subscribe: topics that it subscribes to.
         reply: services that it offers.
-        request: services that it asks of others.
+        request: services of other nodes that it calls.
     """
 
     node: str
@@ -78,7 +78,7 @@ class Rights:
 
 
 def _node(name: str, publish: Iterable[str], subscribe: Iterable[str]) -> Rights:
-    """Rights of a node, with what ROS gives every one: parameters, log, simulated time."""
+    """Rights of a node, with those that every ROS node needs: parameters, log, simulated time."""
     return Rights(
         name,
         (*publish, "/parameter_events", "/rosout"),
@@ -133,14 +133,14 @@ NODES = (
 def rights(
     controllers: Iterable[str] = (), trajectory_input: str = "", operator: bool = True
 ) -> tuple[Rights, ...]:
-    """Rights of every node of the package, as a cell has set them up.
+    """Rights of every node of the package, for the configuration of one cell.
 
     Args:
-        controllers: of ros2_control, that `calibration_node` sends to: the values of its
-            parameters `command_controller` and `trajectory_controller`.
-        trajectory_input: value of that parameter; empty for none.
-        operator: whether there is an identity that may give the orders: services, transitions
-            and parameters of `calibration_node`.
+        controllers: names of the ros2_control controllers that `calibration_node` publishes to:
+            the values of its parameters `command_controller` and `trajectory_controller`.
+        trajectory_input: value of its parameter `trajectory_input`; empty for none.
+        operator: whether to add an operator identity, which may call the services and transitions
+            and set the parameters of `calibration_node`.
 
     Raises:
         InputError: a name that no topic can have.
@@ -161,17 +161,17 @@ def rights(
 
 
 def _operator() -> Rights:
-    """The identity of who gives orders, whatever its node is called."""
+    """Rights of the operator identity, whatever its node is called."""
     asked = tuple(f"{CALIBRATION_NODE}/{name[2:]}" for name in _CALIBRATION.reply)
     own = _node(OPERATOR, (), ("/diagnostics", "/rosout", f"{CALIBRATION_NODE}/status"))
     return replace(own, request=asked)
 
 
 def policy(every: Iterable[Rights], namespace: str = "/") -> str:
-    """The policy (XML) that gives each node an enclave of its own, `/delta_calibration/NODE`.
+    """Write the policy (XML) with one enclave for each node, `/delta_calibration/NODE`.
 
     Args:
-        every: what is allowed; all else is not.
+        every: rights to allow; everything else is denied.
         namespace: of the nodes; the enclaves lie under it as well.
 
     Raises:

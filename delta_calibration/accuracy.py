@@ -27,14 +27,14 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_SAME = 0.5e-3  # [m] a command this near to a pose or path of the cube means it
+_SAME = 0.5e-3  # [m] a command within this of a pose or path of the cube belongs to it
 _FINE = 801  # points of a path, so that the circle is round to 1 um
-_PAUSE = 0.5  # [s] longer than this between readings ends a run along a path
+_PAUSE = 0.5  # [s] a longer gap between readings ends a run along a path
 
 
 @dataclass(frozen=True)
 class IsoValue:
-    """One criterion of the standard."""
+    """Value of one criterion of the standard."""
 
     symbol: str  # AP, RP, AD, RD, AT, RT
     where: str  # P1 ..., "P2-P4", "line", "circle"
@@ -44,22 +44,22 @@ class IsoValue:
 
 @dataclass(frozen=True)
 class IsoReport:
-    """What the standard asks for, with the conditions it was measured under."""
+    """The criteria of ISO 9283 of a session, with the conditions they were measured under."""
 
     conditions: Conditions
     frame: str  # how the tracker was registered to the base
     values: tuple[IsoValue, ...]
-    left_out: tuple[str, ...] = ()  # criteria that are not there, and why
+    left_out: tuple[str, ...] = ()  # criteria that could not be computed, and why
 
 
 @dataclass(frozen=True)
 class _Attained:
-    """Measured tool points in the base, beside the nominal ones."""
+    """Commanded and attained tool points in the base frame."""
 
     robot: str  # its name
-    cube: Cube  # whose poses and paths were meant
-    meant: Array  # (n, 3) [m]
-    reached: Array  # (n, 3) [m]
+    cube: Cube  # its poses and paths were commanded
+    meant: Array  # (n, 3) [m] commanded: nominal forward kinematics
+    reached: Array  # (n, 3) [m] attained: measured
 
 
 def evaluate(
@@ -69,15 +69,15 @@ def evaluate(
     conditions: Conditions,
     calibration: Calibration | None,
 ) -> IsoReport:
-    """AP, RP of P1 to P5, AD, RD of P2-P4; AT, RT of line and circle where they were run.
+    """Compute AP, RP of P1 to P5, AD, RD of P2-P4, and AT, RT of line and circle if they were run.
 
     Without a calibration the tracker is registered by the best rigid frame over the stops
     themselves, which flatters AP; AD and RD do not depend on it.
 
     Raises:
-        DataError: a pose of the cube was not reached, or not as often as the conditions ask; or
-            commands out of the robot's reach.
-        InputError: a workspace that holds no cube, or what the criteria themselves refuse.
+        DataError: a pose of the cube was not reached, or fewer times than the conditions require;
+            or commands out of the robot's reach.
+        InputError: a workspace without volume, or input that a criterion refuses.
     """
     meant, named = partial(tool_points, robot), (robot.name, cube_of(robot))
     stops = meant(poses.command)
@@ -100,7 +100,7 @@ def evaluate(
 
 
 def _require_this_robot(stops: Array, poses: Poses, robot: Robot) -> None:
-    """Refuse commands at which the drawing has no pose."""
+    """Refuse commands that are out of the nominal robot's reach."""
     bad = np.flatnonzero(~np.isfinite(stops).all(axis=1))
     if bad.size:
         joint = ", ".join(f"{v:.6g}" for v in poses.command[bad[0]])
@@ -112,7 +112,7 @@ def _require_this_robot(stops: Array, poses: Poses, robot: Robot) -> None:
 
 
 def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:
-    """Attained positions of P1 to P5 in the order of time, five of (n, 3)."""
+    """Attained positions of P1 to P5 in order of time, five arrays (n, 3) [m]."""
     found = []
     needed = max(conditions.position_cycles, conditions.distance_cycles)
     for number, pose in enumerate(attained.cube.poses(), start=1):
@@ -149,7 +149,7 @@ def _distances(cycles: list[Array], poses: Array, conditions: Conditions) -> lis
 def _paths(
     moving: _Attained, time: Array, conditions: Conditions
 ) -> tuple[list[IsoValue], list[str]]:
-    """AT and RT of each path that was run often enough; of the others, why they are not there."""
+    """AT and RT of each path with enough runs, and for the other paths the reason for none."""
     values, left_out, n = [], [], conditions.path_cycles
     for name, way_of in (("line", moving.cube.line), ("circle", moving.cube.circle)):
         runs = [moving.reached[run] for run in _runs(moving.meant, time, way_of())]
@@ -167,7 +167,7 @@ def _paths(
 
 
 def _runs(meant: Array, time: Array, way: Array) -> list[NDArray[np.intp]]:
-    """Readings of each complete run along a path: on it, moving, from one end to the other."""
+    """Rows of the readings of each complete run along a path, from one end to the other."""
     segment = np.diff(way, axis=0)
     along = np.sum((meant[:, None] - way[:-1]) * segment, axis=-1) / np.sum(segment**2, axis=-1)
     foot = way[:-1] + np.clip(along, 0, 1)[..., None] * segment
@@ -180,7 +180,7 @@ def _runs(meant: Array, time: Array, way: Array) -> list[NDArray[np.intp]]:
     length = float(np.linalg.norm(segment, axis=1).sum())
     complete = []
     for run in np.split(on, breaks):
-        run = np.append(run, run[-1] + 1)  # the reading at which it stands again
+        run = np.append(run, run[-1] + 1)  # the first reading at rest again
         travelled = float(np.linalg.norm(np.diff(meant[run], axis=0), axis=1).sum())
         if abs(travelled - length) < 0.02 * length:
             complete.append(run)

@@ -1,4 +1,4 @@
-"""What compensation needs of an identified robot."""
+"""The identified robot, as compensation uses it."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Calibration:
-    """A robot's chain as identified, and the region it holds in."""
+    """Identified parameters of a robot's chain, and the region where they are valid."""
 
     robot: Robot
     chain: Chain
     theta: Array  # (P,)
     region: Region
-    joints_lower: Array  # (m,) [rad] lowest measured
-    joints_upper: Array  # (m,) [rad]
+    joints_lower: Array  # (m,) [rad or m] lowest measured
+    joints_upper: Array  # (m,) [rad or m] highest measured
     noise_floor: float  # [m]
     source: str
     seal: str  # hash of the file's content
-    # [m] error left: RMS 3-D distance at places that the fit had not seen; NaN where nobody says
+    # [m] error left: RMS 3-D distance at places that the fit had not seen; NaN if not known
     held_out: float = np.nan
-    uncertainty: Uncertainty | None = None  # None: the file does not say
-    measured: str = ""  # `Poses.digest` of what it was made from; empty: the file does not say
+    uncertainty: Uncertainty | None = None  # None: not in the file
+    measured: str = ""  # `Poses.digest` of the poses that were fitted; empty: not in the file
 
     @property
     def identified(self) -> Identified | None:
-        """What uncertainties of positions come from; None where the file does not say."""
+        """Chain, theta and covariance, for position uncertainties; None if not in the file."""
         if self.uncertainty is None:
             return None
         return Identified(self.chain, self.theta, self.uncertainty)
@@ -49,7 +49,10 @@ class Calibration:
 
     @property
     def live(self) -> tuple[tuple[Effect, Array], ...]:
-        """Effects with their values that hold from session to session and move the tool."""
+        """Effects that are compensated, with their values: those of drives and structure.
+
+        They act before the pose and do not depend on the time within one session.
+        """
         values = self.chain.effect_values(self.theta)
         return tuple(
             (effect, value)
@@ -59,12 +62,12 @@ class Calibration:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Causes that were found and cannot be compensated; `why_left_out` gives the reason."""
+        """Causes that were identified but cannot be compensated; see `why_left_out`."""
         effects = self.chain.effects
         return tuple(e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
 
     def why_left_out(self, cause: str) -> str:
-        """Why a cause that was found is not compensated: the end of a sentence."""
+        """Reason why an identified cause is not compensated, as the end of a sentence."""
         (effect,) = (e for e in self.chain.effects if e.cause == cause)
         if effect.bound_to_session:
             return "it depends on the time within its session"
@@ -72,18 +75,18 @@ class Calibration:
 
     @property
     def frame(self) -> Frame:
-        """`T_tracker_base`."""
+        """Identified pose of the base in the tracker's frame, `T_tracker_base`."""
         return self.chain.split(self.theta)[2]
 
     def tool_points(self, readings: Array, q: Array) -> Array:
-        """Where the tool is in the base, as the tracker sees it, (n, 3) [m].
+        """Tool points in the base frame, computed from tracker readings, (n, 3) [m].
 
-        The reflector stands off the tool by the identified offset less the tool's, turned with the
-        platform as the model has it at joints q, (n, m) [rad]. This base is the calibration's own:
-        an unknown reflector offset and an unknown frame shift alike, and only their sum is
-        measured.
+        The vector from the tool to the reflector is the identified reflector offset less the tool
+        offset, rotated with the platform as the model predicts at joints q, (n, m) [rad or m]. The
+        base frame is the calibration's own: an error of the reflector offset and one of the frame
+        shift the readings alike, so only their sum can be identified.
         """
         _, offset, frame = self.chain.split(self.theta)
-        x = self.chain.mechanism.forward(q, self.geometry)  # effects turn the platform by nothing
+        x = self.chain.mechanism.forward(q, self.geometry)  # rotation by effects is neglected
         standoff = self.chain.point(x, offset) - self.chain.point(x, self.robot.tool_offset)
         return frame.inverse().apply(readings) - standoff

@@ -1,4 +1,4 @@
-"""The calibration file: what the fit found, what the node loads, and where it came from."""
+"""The calibration file: identified parameters, which the node loads, and their provenance."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ from delta_calibration.uncertainty import ModelError, Uncertainty
 Array = NDArray[np.float64]
 
 _SEAL = "sha256"
-_FAR = 20.0  # priors from nominal to zero, from where on a parameter is a length
+_FAR = 20.0  # a parameter whose nominal value exceeds this many priors is a length
 
 
 def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
-    """The calibration that `save_calibration` would write and `load_calibration` read back."""
+    """Build the calibration that `save_calibration` would write and `load_calibration` return."""
     lower, upper = found.region_joints
     return Calibration(
         robot,
@@ -48,13 +48,13 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
 
 
 def save_calibration(path: Path, found: Identification, robot: Robot, poses: Poses) -> None:
-    """Write a calibration, whole or not at all.
+    """Write a calibration file atomically.
 
     Args:
         path: the file.
-        found: geometry, frame, and the effects in its chain.
-        robot: what was identified.
-        poses: what it was identified from.
+        found: result of the fit: geometry, frame, and the effects in its chain.
+        robot: the robot that was identified.
+        poses: the poses that were fitted.
 
     Raises:
         ConfigError: the file cannot be written.
@@ -63,16 +63,16 @@ def save_calibration(path: Path, found: Identification, robot: Robot, poses: Pos
 
 
 def document_of(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any]:
-    """What the file of a calibration holds, as plain data."""
+    """Content of a calibration file, as plain data."""
     content = _content(found, robot, poses)
     return {**content, _SEAL: content_hash(content)}
 
 
 def require_ours(path: Path) -> None:
-    """Refuse a file to be written over that is there and was not written by this package.
+    """Refuse to overwrite an existing file that this package did not write.
 
     Raises:
-        ConfigError: it is something else.
+        ConfigError: the file is no calibration, or was edited by hand.
     """
     if not path.exists():
         return
@@ -91,7 +91,7 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     """Read a calibration made for this robot.
 
     Raises:
-        ConfigError: not there, not whole, changed after it was written, made for another robot, or
+        ConfigError: missing, incomplete, changed after it was written, made for another robot, or
             with parameters that its model does not have.
     """
     data = read_document(path, lambda _: load_schema("calibration"))
@@ -99,15 +99,15 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
 
 
 def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibration:
-    """The calibration that a document holds, which was made for this robot.
+    """Build the calibration from a document that was made for this robot.
 
     Args:
-        data: what `document_of` gave, valid under its schema.
-        robot: what was calibrated.
-        source: where the document is from, as messages name it.
+        data: a document as `document_of` returns it, valid under its schema.
+        robot: the robot that was calibrated.
+        source: name of the document in messages.
 
     Raises:
-        ConfigError: not whole, changed after it was made, made for another robot, or with
+        ConfigError: incomplete, changed after it was made, made for another robot, or with
             parameters that its model does not have.
     """
     content = {key: value for key, value in data.items() if key != _SEAL}
@@ -116,7 +116,7 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
             f"{source}: {_SEAL}: the file was changed or cut off after it was written; fit again"
         )
     made_for = data["robot"]
-    # files of before 0.2.0 name the hash of the whole robot file
+    # files written before 0.2.0 hold the hash of the whole robot file
     if made_for["sha256"] not in (robot.machine_hash, robot.hash):
         raise ConfigError(
             f"{source}: robot: made for {made_for['name']!r} with hash {made_for['sha256'][:12]}, "
@@ -130,7 +130,7 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
     chain, values = _with_effects(source, chain, robot, data.get("effects", []))
     try:
         expected = chain.parameters.names[chain.layout.base]
-    except InputError as error:  # an effect that is there twice
+    except InputError as error:  # the same effect twice
         raise ConfigError(f"{source}: effects: {error}") from error
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
@@ -159,7 +159,7 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
 
 
 def _uncertainty(source: str, data: Mapping[str, Any], size: int) -> Uncertainty | None:
-    """What makes positions uncertain; None of a file that was written before it was told."""
+    """Read the uncertainty; None if the file was written before this section existed."""
     if "uncertainty" not in data:
         return None
     told = data["uncertainty"]
@@ -201,9 +201,10 @@ def _uncertainty(source: str, data: Mapping[str, Any], size: int) -> Uncertainty
 
 
 def _uncertainty_told(found: Identification) -> dict[str, Any]:
-    """The covariance by its factor L, C = L L^T, which bears rounding to eight figures.
+    """Section `uncertainty`, with the covariance as its factor L, C = L L^T.
 
-    Numbers of a row in one text: a document of so many entries would be slow to read.
+    Rounded to eight figures, the factor still gives a valid covariance. Each row is one text: a
+    document with so many separate entries would be slow to read.
     """
     model, rest = found.uncertainty.model, found.uncertainty.repeatability
     value, way = np.linalg.eigh(found.uncertainty.covariance)
@@ -231,10 +232,10 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
 
 
 def _require_possible(source: str, chain: Chain, geometry: Array) -> None:
-    """Refuse dimensions that no machine has, or that cannot be put together at home."""
+    """Refuse lengths that are not positive, and dimensions that have no pose at home."""
     mechanism = chain.mechanism
     for parameter, value in zip(mechanism.parameters, geometry.tolist(), strict=True):
-        # A length is what cannot come out negative within its tolerance by far.
+        # Only a length is so many tolerances away from zero.
         if parameter.nominal > _FAR * parameter.prior and value <= 0.0:
             raise ConfigError(
                 f"{source}: parameters: {parameter.name} is {value:g} {parameter.unit}; "
@@ -250,7 +251,7 @@ def _require_possible(source: str, chain: Chain, geometry: Array) -> None:
 
 
 def _joint_range(source: str, region: Mapping[str, Any], robot: Robot) -> tuple[Array, Array]:
-    """Lowest and highest measured joints, (m,) each [rad]."""
+    """Lowest and highest measured joint values, (m,) each [rad or m]."""
     ends = []
     for key in ("joints_lower_rad", "joints_upper_rad"):
         if len(region[key]) != len(robot.joints.names):
@@ -267,7 +268,7 @@ def _joint_range(source: str, region: Mapping[str, Any], robot: Robot) -> tuple[
 def _with_effects(
     source: str, chain: Chain, robot: Robot, entries: Sequence[Mapping[str, Any]]
 ) -> tuple[Chain, list[float]]:
-    """The chain with the file's effects on the way, and their values in the order of theta."""
+    """The chain with the file's effects added, and their values in the order of theta."""
     effects: list[Effect] = []
     values: list[float] = []
     for number, entry in enumerate(entries):
@@ -279,7 +280,7 @@ def _with_effects(
 
 
 def _effect(where: str, entry: Mapping[str, Any], chain: Chain, robot: Robot) -> Effect:
-    """One effect, in the shape and with the parameters that the file says."""
+    """Build one effect with the settings of the file; refuse parameters that it does not have."""
     try:
         effect = effect_named(entry["cause"], robot, chain.mechanism, entry["settings"])
         expected = effect.parameters
@@ -295,7 +296,7 @@ def _effect(where: str, entry: Mapping[str, Any], chain: Chain, robot: Robot) ->
 
 
 def _effects(found: Identification) -> list[dict[str, Any]]:
-    """What is in the chain beside the geometry."""
+    """Section `effects`: settings and identified parameters of each effect of the chain."""
     chain = found.chain
     each = zip(
         chain.effects,

@@ -1,18 +1,18 @@
 """The chain of measurement: from joint angles to a reading of the tracker, and its derivatives.
 
     encoder angle --drive effects--> joint angle --closure of the mechanism, its geometry changed
-    by structure effects--> pose --probe offset--> point in the base --frame--> point before the
-    tracker --measurement effects--> reading
+    by structure effects--> pose --probe offset--> point in the base, moved by base effects
+    --frame--> point in the tracker's frame --measurement effects--> reading
 
 Simulator, fit, verdict and compensator all use this one chain. Its parameters are one vector
-theta: the mechanism's geometry g, the reflector's offset o in the platform, the tracker's frame
-(where the base stands in it), and those of the effects, v:
+theta: the mechanism's geometry g, the reflector's offset o in the platform, the pose of the base
+in the tracker's frame (w_T, t_T), and the parameters of the effects, v:
 
-    q' = q + D(c, x, v)        g' = g + S(c, x, v)
-    y  = R(w_T) (p(q', g') + R(x) o) + t_T        y' = y + M(c, y, v)
+    q' = q + D(c, x, v)        g' = g + S(c, x, v)        z = p(q', g') + R(x) o
+    (s, r) = B(c, x, v)        y = R(w_T) (z + s + r x z) + t_T        y' = y + M(c, y, v)
 
-with c the conditions of a sample, its encoders' angles q among them, and x the pose, at which the
-loads are that some effects take. Without effects q' is q.
+with c the conditions of a sample, among them its encoder angles q, and x the pose, which decides
+the loads that some effects depend on. Without effects q' = q, g' = g and y' = y.
 """
 
 from __future__ import annotations
@@ -49,10 +49,10 @@ OFFSET_NAMES = vector_names("reflector")
 
 @dataclass(frozen=True)
 class Chain:
-    """A mechanism, a reflector on its platform, a tracker that looks at it, effects on the way.
+    """Model of the measurement: mechanism, reflector on its platform, tracker, and effects.
 
-    `offset` (3,) [m] is the reflector's nominal place in the platform's frame, `offset_prior` [m]
-    what it is expected to deviate by.
+    `offset` (3,) [m] is the reflector's nominal position in the platform's frame, `offset_prior`
+    [m] the standard deviation of each of its coordinates before a fit.
     """
 
     mechanism: Mechanism
@@ -80,12 +80,12 @@ class Chain:
 
     @cached_property
     def layout(self) -> Layout:
-        """Which entries of theta are which."""
+        """Layout of theta: the slice of each part."""
         effects = tuple((effect.cause, len(effect.parameters)) for effect in self.effects)
         return Layout(len(self.mechanism.parameters), effects)
 
     def with_effects(self, effects: tuple[Effect, ...]) -> Chain:
-        """The same cell with these effects on the way."""
+        """The same chain with these effects instead of its own."""
         return replace(self, effects=effects)
 
     def split(self, theta: Array) -> tuple[Array, Array, Frame]:
@@ -95,30 +95,30 @@ class Chain:
         return theta[layout.geometry], theta[layout.offset], frame
 
     def join(self, geometry: Array, offset: Array, frame: Frame) -> Array:
-        """The vector theta of the three parts, every effect at nothing."""
+        """Join the three parts into a vector theta; all parameters of effects are zero."""
         effects = tuple(np.zeros(size) for _, size in self.layout.effect_sizes)
         return self.layout.join(Parts(geometry, offset, frame.vector(), effects, np.zeros(0)))
 
     def effect_values(self, theta: Array) -> tuple[Array, ...]:
-        """Of each effect its part of theta, (k,)."""
+        """Parameters of each effect, cut out of theta, (k,) each."""
         return tuple(theta[part] for part in self.layout.each)
 
     def predictor(self, at: Conditions) -> Predictor:
-        """The chain made ready to predict samples for one machine after the other."""
+        """Prepare to predict these samples for several vectors theta."""
         return Predictor(self, at, recorded(self.mechanism, at))
 
     def see(
         self, at: Conditions, theta: Array, guess: Array | None = None, asked: Asked = "readings"
     ) -> Seen:
-        """What a machine shows under these conditions, see `Predictor.see`."""
+        """Poses, readings and derivatives under these conditions, see `Predictor.see`."""
         return self.predictor(at).see(theta, guess, asked)
 
     def pose(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
-        """Platform's pose in the base, (n, k); NaN rows out of reach."""
+        """Pose of the platform in the base frame, (n, k); NaN rows out of reach."""
         return self.see(at, theta, guess, "nothing").x
 
     def predict(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
-        """What the tracker will say under these conditions, (n, 3) [m]; NaN rows out of reach."""
+        """Predicted readings of the tracker, (n, 3) [m]; NaN rows out of reach."""
         return self.see(at, theta, guess, "nothing").reading
 
     def jacobian(self, at: Conditions, theta: Array, guess: Array | None = None) -> Array:
@@ -128,14 +128,14 @@ class Chain:
     def signals(
         self, at: Conditions, theta: Array, x: Array | None = None, robot: Robot | None = None
     ) -> Signals:
-        """All that effects may take of samples of a machine at poses x, (n, k).
+        """Signals (angles, rates, loads, temperatures, ...) that effects may depend on.
 
         Args:
             at: the conditions.
             theta: the machine.
-            x: its poses, nearly; sought where not given.
-            robot: whose masses are carried, where all loads are wanted; else only those that the
-                chain's own effects take are known.
+            x: start values of its poses, (n, k); found without them where not given.
+            robot: its masses give the loads, all of which are computed; without it only the loads
+                that the chain's own effects depend on.
         """
         of = self.predictor(at)
         if robot is None and not self.effects:
@@ -160,12 +160,12 @@ class Chain:
 
     @property
     def of_base(self) -> tuple[tuple[Effect, slice], ...]:
-        """Effects of the base, and which entries of theta are theirs."""
+        """Effects of the base, each with the slice of its parameters in theta."""
         every = zip(self.effects, self.layout.each, strict=True)
         return tuple((effect, own) for effect, own in every if effect.stage is Stage.BASE)
 
     def rotation(self, at: Conditions, theta: Array, x: Array) -> Array:
-        """How the platform is turned in the tracker's frame, (n, 3, 3).
+        """Orientation of the platform in the tracker's frame, (n, 3, 3).
 
         Args:
             at: the conditions.
@@ -177,32 +177,32 @@ class Chain:
 
     @cached_property
     def body(self) -> Any:
-        """The mechanism as the compiled chain takes it, with what it carries."""
+        """The mechanism with its masses, in the form that the compiled chain takes."""
         masses = self.effects[0].robot.masses if self.effects else None
         return self.mechanism.body(masses)
 
     def stages(self, parts: tuple[str, ...]) -> Any:
-        """Effects of drives and structure as the compiled chain takes them (model/stand.py).
+        """Effects of drives, structure and base, in compiled form (model/stand.py).
 
         Args:
-            parts: of which temperatures are recorded.
+            parts: names of the parts whose temperatures are recorded.
         """
         places = Places.of(self.mechanism, parts)
         return stages_of(self.effects, tuple(self.layout.each), places)
 
     def point(self, x: Array, offset: Array) -> Array:
-        """A point fixed to the platform, in the base, (n, 3) [m]."""
+        """Position in the base frame of a point fixed to the platform, (n, 3) [m]."""
         return self.mechanism.points(x, offset)
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:
-    """The conditions with the readings before the last stage, and how fast they move there."""
+    """The conditions with the readings before measurement effects, and their velocity."""
     return replace(at, reading=seen.before, reading_velocity=seen.rate)
 
 
 @dataclass(frozen=True)
 class Predictor:
-    """A chain made ready for some samples: what is the same for every theta."""
+    """A chain prepared for some samples: it holds everything that does not depend on theta."""
 
     chain: Chain
     at: Conditions
@@ -210,33 +210,33 @@ class Predictor:
 
     @cached_property
     def stages(self) -> Any:
-        """Effects of drives and structure, see `Chain.stages`."""
+        """Effects of drives, structure and base, see `Chain.stages`."""
         return self.chain.stages(self.signals.places.parts)
 
     @cached_property
     def _last(self) -> Any:
-        """Effects of the measurement."""
+        """Effects of the measurement, in compiled form."""
         return table_of_stage(
             Stage.MEASUREMENT, self.chain.effects, self.chain.layout.each, self.signals.places
         )
 
     @cached_property
     def _begins(self) -> Index:
-        """Where offset, turn and place begin in theta."""
+        """First entries of offset, turn and place in theta."""
         layout = self.chain.layout
         return np.array([layout.offset.start, layout.turn.start, layout.place.start])
 
     def see(self, theta: Array, guess: Array | None = None, asked: Asked = "readings") -> Seen:
-        """What a machine shows at every sample: see `model/view.py`.
+        """Compute pose, reading and derivatives at every sample: see `model/view.py`.
 
         Args:
             theta: the machine, (P,).
-            guess: its poses, nearly, (n, k); sought from the beginning where not given.
-            asked: of what derivatives by theta are wanted: the tracker's "readings", the
+            guess: start values of its poses, (n, k); the mechanism's own where not given.
+            asked: quantity whose derivatives by theta are computed: the tracker's "readings", the
                 platform's "poses" or "nothing".
 
         Returns:
-            Poses, readings and derivatives; NaN rows where it cannot stand.
+            Poses, readings and derivatives; NaN rows out of reach.
         """
         chain, known = self.chain, self.signals
         near = guess is not None and not chain.mechanism.exact
@@ -260,7 +260,7 @@ class Predictor:
         return cast("Seen", seen)
 
     def _device(self, theta: Array) -> tuple[Array, Array, Array, Array, Index]:
-        """Reflector and frame as the compiled chain takes them: fields of `view.Device`."""
+        """Reflector and frame in compiled form: the fields of `view.Device`."""
         layout = self.chain.layout
         rotation, turning = rotations.exp_with_derivative(theta[layout.turn])
         return theta[layout.offset], rotation, theta[layout.place], turning, self._begins
@@ -270,7 +270,7 @@ _ASKED: Mapping[Asked, int] = {"nothing": NOTHING, "readings": READINGS, "poses"
 
 
 def _view() -> Any:
-    """The compiled view."""
+    """Import the module of the compiled chain when it is first needed."""
     from delta_calibration.model import view
 
     return view

@@ -1,4 +1,4 @@
-"""Joint commands for targets: what becomes of each, and how near it comes.
+"""Compensated joint commands for targets, with the status and expected error of each.
 
 Shared by `delta-cal compensate` and notebooks.
 """
@@ -26,29 +26,29 @@ Say = Callable[[str], None]
 Watch = Callable[[Sequence[NDArray[np.intp]]], Iterable[NDArray[np.intp]]]
 
 BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
-_BATCH = 64  # commands searched side by side
-# Of the length of a vector of three alike normal numbers: its 95 % quantile over its RMS
-# (chi with three degrees of freedom, 2.795 / sqrt 3).
+_BATCH = 64  # commands computed together, at least (if there are as many)
+# 95 % quantile over RMS of the length of a vector of three independent normal numbers of equal
+# variance (chi with three degrees of freedom, 2.795 / sqrt 3).
 _COVERS = 1.614
 
 
 def silent(text: str) -> None:
-    """Nobody is to be told."""
+    """Message callback that does nothing."""
 
 
 @dataclass(frozen=True)
 class Commands:
-    """What became of every target."""
+    """Commands for a list of targets, with the outcome for each."""
 
-    rows: Sequence[Row]  # (n,) as they came
-    nominal: Array  # (n, m) [rad or m] NaN out of reach
-    found: Compensated | None  # of the targets in reach; None where none is
-    reached: NDArray[np.intp]  # (k,) which these are
-    radius: Array  # (k,) [m] 95 % of corrected positions of those
+    rows: Sequence[Row]  # (n,) targets in the given order
+    nominal: Array  # (n, m) [rad or m] nominal joints; NaN out of reach
+    found: Compensated | None  # commands for the k targets in reach; None if k is 0
+    reached: NDArray[np.intp]  # (k,) rows of the targets in reach
+    radius: Array  # (k,) [m] radius that holds 95 % of the positions after correction
 
     @property
     def status(self) -> list[str]:
-        """Of every target."""
+        """Status of every target, in words, (n,)."""
         status, found = [UNREACHED] * len(self.rows), self.found
         if found is not None:
             for k, row in enumerate(self.reached):
@@ -59,12 +59,15 @@ class Commands:
 
     @property
     def uncorrected(self) -> list[int]:
-        """Targets whose command is nominal or none."""
+        """Rows of the targets that have a nominal command or none."""
         good = (CommandStatus.CORRECTED.name.lower(), BLENDED)
         return [row for row, status in enumerate(self.status) if status not in good]
 
     def by_target(self) -> tuple[Array, Array, Array | None]:
-        """Joints to command (n, m), errors left (n,) by place and turn; NaN if there is none."""
+        """Commands (n, m), predicted errors left (n,) in position [m] and rotation [rad], or NaN.
+
+        The last is None if the joints do not command the rotation, or no target is in reach.
+        """
         sent, left = self.nominal.copy(), np.full(len(self.rows), np.nan)
         found, rows = self.found, self.reached
         if found is None:
@@ -78,11 +81,11 @@ class Commands:
         return sent, left, turn
 
     def u95(self) -> Array:
-        """Expanded uncertainty of where the tool comes to, (n,) [m]; NaN where not corrected.
+        """Expanded uncertainty (95 %) of the tool position, (n,) [m]; NaN where not corrected.
 
-        By what the fit leaves open there, how the joints come to rest and what the model leaves
-        at places that it has not seen (`uncertainty.py`); and all that a correction blended out
-        leaves by the model.
+        It covers the parameters' covariance, the joints' repeatability and the model discrepancy
+        at places that were not measured (`uncertainty.py`), plus the whole predicted error that
+        remains where a correction fades out.
         """
         u95 = np.full(len(self.rows), np.nan)
         if self.found is not None:
@@ -100,19 +103,19 @@ def commands_for(
     say: Say = silent,
     watched: Watch = iter,
 ) -> Commands:
-    """What becomes of every target, the machine stopping at one after the other.
+    """Compute compensated commands for targets at which the machine stops one after the other.
 
     Args:
-        compensator: of the calibration.
+        compensator: compensator of the calibration.
         rows: targets, (n,).
-        payload: [kg] at the centre of the platform; None where it is not known.
+        payload: [kg] at the centre of the platform; None if not known.
         warm: temperatures [deg C] by part.
-        calibration_file: what messages call the calibration.
-        say: is told what to know of the result.
-        watched: goes through the parts of the work, and may tell how far it is.
+        calibration_file: name of the calibration in messages.
+        say: callback for notes on the result.
+        watched: iterates over the batches; may show progress.
 
     Raises:
-        InputError: a target that is none, or the calibration takes a condition that is not given.
+        InputError: an invalid target, or the calibration needs a condition that is not given.
     """
     calibration = compensator.calibration
     nominal = _nominal(calibration.robot, rows, payload or 0.0)
@@ -131,7 +134,7 @@ def _radius(
     warm: dict[str, float],
     say: Say,
 ) -> Array:
-    """Within how far of their targets corrected commands bring the tool with 95 %, (k,) [m]."""
+    """Radius about the targets that holds 95 % of the corrected positions, (k,) [m]."""
     identified = calibration.identified
     if identified is None:
         say(
@@ -151,10 +154,10 @@ def found_for(
     calibration_file: Path,
     watched: Watch = iter,
 ) -> Compensated:
-    """What becomes of all commands (n, m), the machine stopping at one after the other.
+    """Compensate nominal commands (n, m) at which the machine stops one after the other.
 
     Raises:
-        InputError: the calibration takes a condition that is not given.
+        InputError: the calibration needs a condition that is not given.
     """
     calibration = compensator.calibration
     at = _conditions(nominal, payload, warm, calibration.robot.commanded.joint_size)
@@ -167,7 +170,7 @@ def found_for(
 
 
 def _nominal(robot: Robot, rows: Sequence[Row], payload: float) -> Array:
-    """Joints that the drawing takes for targets, (n, m) [rad or m]; NaN out of reach."""
+    """Joints of targets by nominal inverse kinematics, (n, m) [rad or m]; NaN out of reach."""
     try:
         return targets_of(rows, robot, payload).joint
     except ReachError:
@@ -184,10 +187,10 @@ def _one_nominal(row: Row, robot: Robot, payload: float) -> Array:
 def warmth_by_part(
     given: Sequence[tuple[str, float]], calibration: Calibration, say: Say = silent
 ) -> dict[str, float]:
-    """Temperatures [deg C] by part, of parts that the robot has or the calibration goes by.
+    """Check given temperatures [deg C] and return them by part.
 
     Raises:
-        InputError: another part, or one twice.
+        InputError: a part that neither the robot nor the calibration has, or a part given twice.
     """
     asked, known = _sensors(calibration)
     by_part: dict[str, float] = {}
@@ -212,7 +215,7 @@ def warmth_by_part(
 
 
 def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
-    """Parts whose temperature the calibration goes by, and with them all that can grow."""
+    """Parts whose temperature the calibration uses; those and all parts that can expand."""
     asked = {str(effect.settings.get("sensor", "")) for effect, _ in calibration.live} - {""}
     effects = catalogue(calibration.robot, calibration.chain.mechanism)
     growing = {effect.part for effect in effects if effect.part}
@@ -222,7 +225,7 @@ def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
 def _conditions(
     joint: Array, payload: float | None, warm: dict[str, float], joint_size: float
 ) -> Conditions:
-    """Stops at joints (n, m) [rad], one after the other."""
+    """Conditions of stops at joints (n, m) [rad or m], one after the other."""
     n = len(joint)
     stops = motion_of(np.arange(n, dtype=float), joint, joint_size)
     at = replace(at_rest(joint), direction=stops.direction, travel=stops.travel)

@@ -1,4 +1,4 @@
-"""YAML documents of a user: read, checked by a schema, refused with the path of what is wrong."""
+"""Reads and writes YAML documents; refuses invalid ones with the path of the wrong entry."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from delta_calibration.texts import read_text
 Document = Mapping[str, Any]
 Schema = Mapping[str, Any]
 
-_LONGEST = 400_000  # bytes: seconds of reading; a calibration of 100 parameters has 80 000
+_LONGEST = 400_000  # bytes: takes seconds to read; a calibration of 100 parameters has 80 000
 _DEEPEST = 40  # levels; no document of the package has more than 6
-_MOST_ENTRIES = 50_000  # that a document of this length can have without aliases
+_MOST_ENTRIES = 50_000  # a document of this length has no more entries without aliases
 
 
 def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[str, Any]:
-    """A YAML file as plain data, valid under a schema.
+    """Read a YAML file as plain data that follow a schema.
 
     Args:
         path: the file.
-        schema_for: the schema of a document, which may go by what the document says.
+        schema_for: returns the schema of a document, which may depend on its content.
 
     Raises:
         ConfigError: no such file or no regular one, not YAML, or an entry that is missing, unknown
@@ -55,10 +55,10 @@ def read_document(path: Path, schema_for: Callable[[Document], Schema]) -> dict[
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Plain data of a YAML text, which cannot be much larger than the text.
+    """Parse a YAML text to plain data, which cannot be much larger than the text.
 
     Raises:
-        ContentError: not YAML, nested too deep, or with aliases that stand for too much.
+        ContentError: not YAML, nested too deep, or with aliases that stand for too many entries.
     """
     try:
         if "*" in text and "&" in text:
@@ -77,8 +77,8 @@ def parse_yaml(text: str, source: str) -> Any:
 
 def _require_small(text: str) -> None:
     """Refuse aliases by which a short text stands for millions of entries."""
-    sizes: dict[str, int] = {}  # entries that an anchor stands for, those of its aliases counted
-    open_at: list[tuple[str | None, int]] = []  # anchors of what is open, and the count before
+    sizes: dict[str, int] = {}  # number of entries of each anchor, aliases expanded
+    open_at: list[tuple[str | None, int]] = []  # anchors of open collections, count before each
     count = 0
     for event in YAML(typ="safe", pure=True).parse(text):
         if isinstance(event, AliasEvent):
@@ -101,18 +101,18 @@ def _require_small(text: str) -> None:
 
 
 def _reader() -> YAML:
-    """For plain data, with numbers as people write them."""
+    """YAML reader for plain data that refuses numbers with underscores and deep nesting."""
 
     class Constructor(SafeConstructor):
-        """Its own, as constructors are registered by class."""
+        """A class of its own, because constructors are registered by class."""
 
     class Shallow(Composer):
-        """Puts nodes together to a depth; older versions of the library have no bound of it."""
+        """Composes nodes to a limited depth; older versions of the library have no limit."""
 
         level = 0
 
         def compose_node(self, parent: Any, index: Any) -> Any:
-            """A node and those below it."""
+            """Compose a node and its children."""
             self.level += 1
             if self.level > _DEEPEST:
                 mark = self.parser.peek_event().start_mark
@@ -131,7 +131,7 @@ def _reader() -> YAML:
 
 
 def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
-    """The number of a node; 31_49.0, which YAML takes for 3149, is a slip."""
+    """The number of a node; refuses 31_49.0, which YAML reads as 3149 and is a typing error."""
     if "_" in node.value:
         problem = f"{node.value} is no number: digits take no _"
         raise ConstructorError(None, None, problem, node.start_mark)
@@ -141,7 +141,7 @@ def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
 
 
 def _date(constructor: SafeConstructor, node: ScalarNode) -> Any:
-    """A date as the text that was written: entries that hold one are texts."""
+    """A date as the text that was written, because entries with dates are texts."""
     return constructor.construct_scalar(node)
 
 
@@ -154,7 +154,7 @@ def check_document(data: Any, schema: Schema, source: str) -> None:
     _require_mapping(data, source)
     _refuse_another_kind(data, schema, source)
     errors = list(Draft202012Validator(schema).iter_errors(data))
-    # A file of another version first says so, whatever else is different in it.
+    # Another schema version is reported first, whatever else differs.
     error = next((e for e in errors if e.validator == "const"), None) or best_match(errors)
     if error is not None:
         raise ContentError(f"{source}: {_explain(error)}")
@@ -162,7 +162,7 @@ def check_document(data: Any, schema: Schema, source: str) -> None:
 
 
 def write_document(path: Path, data: Document) -> None:
-    """Write YAML whole or not at all: into a file beside, then in place of the old one.
+    """Write YAML atomically: into a temporary file, which then replaces the old one.
 
     Raises:
         ConfigError: the folder cannot be written.
@@ -179,13 +179,13 @@ def write_document(path: Path, data: Document) -> None:
 
 
 def content_hash(data: Document) -> str:
-    """SHA-256 of what a document says, whatever its comments, order and spelling of numbers."""
+    """SHA-256 of a document's content, independent of comments, order and format of numbers."""
     text = json.dumps(_plain(data), sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _plain(value: Any) -> Any:
-    """Integers as floats, so that `1` and `1.0` are the same value."""
+    """Convert integers to floats, so that `1` and `1.0` are the same value."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -201,19 +201,19 @@ def _require_mapping(data: Any, source: str) -> None:
 
 
 def _refuse_another_kind(data: Document, schema: Schema, source: str) -> None:
-    """A file that is whole, but of another kind, says which, not what all is different in it."""
+    """Refuse a file of another kind by naming both kinds, not by listing all differences."""
     wanted, found = _kind(schema.get("required", ())), _kind(data)
     if found and wanted and found != wanted:
         raise ConfigError(f"{source}: is a {found}; a {wanted} is expected")
 
 
 def _kind(keys: Iterable[str]) -> str:
-    """What a file with these keys is; empty where it may be anything."""
+    """Kind of file that has these keys; empty if they do not tell."""
     there = set(keys)
     return next((kind for kind, marks in _MARKS.items() if marks <= there), "")
 
 
-# The keys that no other kind of file has together.
+# Sets of keys that only this kind of file has together.
 _MARKS = {
     "robot file": {"name", "mechanism", "tracker"},
     "calibration file": {"parameters", "observability", "residuals"},
@@ -270,7 +270,7 @@ def _explain(error: ValidationError) -> str:
             return f"{at}{len(found)} values found, {rule} are expected"
         case "uniqueItems":
             return f"{at}{found!r} is not allowed; each value only once is expected"
-        case "anyOf" | "oneOf":  # what is wrong by the form that has the kind of value found
+        case "anyOf" | "oneOf":  # explain by the alternative that has the type of the value
             near = [e for e in error.context or () if e.validator != "type"]
             return _explain(near[0]) if near else f"{at}{error.message}"
         case "pattern" if "description" in schema:

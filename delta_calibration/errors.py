@@ -1,7 +1,8 @@
-"""What can go wrong, and which exit code each kind of failure carries.
+"""The exceptions of the package, and the exit code of each kind.
 
-Everything that a user can cause derives from `CalibrationError`. The message names what was found,
-where, and what is allowed; the command line prints it as one line and leaves with `exit_code`.
+Every failure that a user can cause derives from `CalibrationError`. The message names what was
+found, where, and what is allowed; the command line prints it as one line and exits with
+`exit_code`.
 """
 
 
@@ -12,7 +13,7 @@ class CalibrationError(Exception):
 
 
 class InputError(CalibrationError):
-    """Wrong use or bad input: a file, field or value that has to be changed by the user."""
+    """Wrong use or bad input: a file, field or value that the user has to change."""
 
     exit_code = 2
 
@@ -22,14 +23,14 @@ class ConfigError(InputError):
 
 
 class ContentError(ConfigError):
-    """A file whose content is not what it should be; the message may tell some of it."""
+    """A file with wrong content; the message may quote part of it."""
 
 
 class RefusedFileError(ConfigError):
-    """A file that was refused, told without what is in it.
+    """A file that was refused; the message does not quote its content.
 
     Attributes:
-        why: what is wrong with it, for who may read it.
+        why: what is wrong with it, for readers who may see its content.
     """
 
     def __init__(self, message: str, why: str) -> None:
@@ -38,19 +39,19 @@ class RefusedFileError(ConfigError):
 
 
 class RecordingError(InputError):
-    """A session that cannot be read, or lacks what was asked of it."""
+    """A session that cannot be read, or lacks the requested data."""
 
 
 class DataError(CalibrationError):
-    """Sound input without the answer: too few poses, nothing still, no overlap in time."""
+    """Valid input that does not suffice: too few poses, nothing at rest, no overlap in time."""
 
 
 class MistakeError(DataError):
-    """A session that was recorded with a mistake: of units, wiring, clocks, frames or files."""
+    """A session recorded with a mistake in units, wiring, clocks, frames or files."""
 
 
 class ReachError(DataError):
-    """A pose or joint command that the mechanism cannot take."""
+    """A pose or joint command that the mechanism cannot reach."""
 
 
 class SingularityError(DataError):

@@ -1,7 +1,7 @@
-"""Files of a user, read and written whole: regular files only, no larger than they may be.
+"""Reads and writes whole files of a user: only regular files, up to a largest size.
 
 A pipe or a device may never end, and opening one may wait for ever; a file that unpacks to a
-thousand times its size fills memory. Both are refused before anything of them is read.
+thousand times its size fills memory. Both are refused before anything is read from them.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from pathlib import Path
 from delta_calibration.errors import InputError
 
 MEGABYTE = 1 << 20
-MOST_TEXT = 256 * MEGABYTE  # of a table: a million lines have 100
+MOST_TEXT = 256 * MEGABYTE  # largest table: a million lines take 100 megabytes
 
 
 def read_bounded(path: Path, most: int = MOST_TEXT, kind: type[InputError] = InputError) -> bytes:
-    """The content of a regular file of at most so many bytes.
+    """Read a regular file of at most `most` bytes.
 
     Raises:
         InputError: (or the `kind` of it) no such file, no regular one, or a larger one.
@@ -37,18 +37,20 @@ def read_bounded(path: Path, most: int = MOST_TEXT, kind: type[InputError] = Inp
 def written_whole(
     path: Path, kind: type[InputError] = InputError, lasting: bool = False
 ) -> Iterator[Path]:
-    """A file beside the wanted one, to be written; takes its place if that went well, else goes.
+    """Write a file atomically: yield a temporary file, which then replaces the wanted one.
+
+    If writing fails, the temporary file is removed and the wanted one is left as it was.
 
     Args:
         path: the wanted file.
-        kind: of the error.
-        lasting: whether its content must be on the disk before its name, should the power fail.
+        kind: class of the error.
+        lasting: whether to flush the content to the disk before the rename, in case power fails.
 
     Raises:
         InputError: (or the `kind` of it) the file cannot be written.
     """
     beside = path.with_name(f".{path.name}.part")
-    with suppress(OSError):  # of a write that was cut off; a link or a pipe is not written to
+    with suppress(OSError):  # left by an interrupted write; never write to a link or a pipe
         beside.unlink()
     try:
         yield beside
@@ -59,14 +61,14 @@ def written_whole(
     except OSError as error:
         raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:
-        with suppress(OSError):  # gone where all went well
+        with suppress(OSError):  # does not exist any more after success
             beside.unlink()
 
 
 def require_regular(
     path: Path, found: os.stat_result, most: int, kind: type[InputError] = InputError
 ) -> None:
-    """Refuse what is no regular file, or a larger one.
+    """Refuse anything but a regular file of at most `most` bytes.
 
     Raises:
         InputError: (or the `kind` of it) names the file, what it is, and what is allowed.

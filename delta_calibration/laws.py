@@ -1,6 +1,6 @@
-"""Every law of the package, its generated file, and its machine code.
+"""Generates and compiles every law (symbolic function) of the package.
 
-A mechanism gives its laws when it has a drawing, an effect when it has a mechanism; those of an
+The laws of a mechanism depend on its drawing, those of an effect on its mechanism; those of an
 arm, or of a cable robot, differ from machine to machine. So the laws are those of the robots in
 `config/`, of arms of two to seven joints and of a point on cables.
 """
@@ -33,7 +33,7 @@ _ARMS = range(2, 8)  # joints
 
 
 def every_law() -> tuple[Law, ...]:
-    """The laws of the package, each once, by name."""
+    """The laws of the package, each once, sorted by name."""
     laws: dict[str, Law] = {}
     for law in _laws():
         same = laws.setdefault(law.name, law)
@@ -42,17 +42,17 @@ def every_law() -> tuple[Law, ...]:
 
 
 def folder() -> Path:
-    """Where the generated files of the package are."""
+    """Folder of the package's generated files."""
     return Path(str(import_module(GENERATED).__file__)).parent
 
 
 def write(laws: Iterable[Law], into: Path) -> tuple[Path, ...]:
-    """Write the generated file of each law into a folder, and remove those of no law.
+    """Write the generated file of each law into a folder, and remove files of no law.
 
-    The same laws give the same bytes, by the same version of CasADi: the package's says which.
+    The same laws give the same bytes with the same version of CasADi, which `__init__.py` records.
 
     Returns:
-        What is new, changed or gone.
+        Files that were added, changed or removed.
     """
     wanted = {into / f"{law.name}.py": law.source() for law in laws}
     wanted[into / "__init__.py"] = _INIT.format(version("casadi"))
@@ -69,7 +69,7 @@ def write(laws: Iterable[Law], into: Path) -> tuple[Path, ...]:
 
 
 def prepare(laws: Iterable[Law]) -> int:
-    """Compile the laws whose machine code is not kept yet; how many laws there are."""
+    """Compile the laws whose machine code is not stored yet; return the number of laws."""
     return sum(law.compiled.size > 0 for law in laws)
 
 
@@ -82,7 +82,7 @@ def _laws() -> Iterator[Law]:
 
 
 def _machines() -> Iterator[tuple[Robot, Mechanism]]:
-    """A machine of each kind that has laws of its own, and a robot that may stand for its own."""
+    """Yield a mechanism for each set of laws, with a robot that supplies the remaining data."""
     robots = {name: _stating_all(load_robot(name)) for name in known_robots()}
     own = [kind for kind in MECHANISMS.values() if kind.__module__.startswith(_PACKAGE)]
     for robot in robots.values():
@@ -96,12 +96,12 @@ def _machines() -> Iterator[tuple[Robot, Mechanism]]:
 
 
 def _stating_all(robot: Robot) -> Robot:
-    """The robot with what its file may leave out."""
+    """The robot with the optional entry that an effect needs, `encoder_lines`, filled in."""
     return replace(robot, joints=replace(robot.joints, encoder_lines=1.0))
 
 
 def _effects(robot: Robot, mechanism: Mechanism) -> Iterator[Effect]:
-    """All that a machine can have: the catalogue, a law that was found, and maps of all forms."""
+    """All effects that a machine can have: catalogue, discovered law, and maps of all families."""
     every = catalogue(robot, mechanism)
     own = (effect for effect in every if type(effect).__module__.startswith(_PACKAGE))
     yield from (form for effect in own for form in effect.forms())

@@ -1,4 +1,4 @@
-"""Modules that are loaded when a verb or a node asks for them."""
+"""Imports modules when a command or a node needs them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from types import ModuleType
 def load(name: str) -> ModuleType:
     """Import a module with the garbage collector off.
 
-    What an import makes is never garbage; frozen, later collections do not look at it either.
+    Objects made by an import are never garbage; frozen, later collections skip them as well.
     """
     known = sys.modules.get(name)
-    if known is not None:  # None stands for what may not be imported
+    if known is not None:  # None marks a module that may not be imported
         return known
     collects = gc.isenabled()
     gc.disable()

@@ -1,4 +1,4 @@
-"""What `delta-cal` does, for notebooks: things that show themselves, give tables and plots.
+"""The functions of `delta-cal` for notebooks: objects that display themselves, tables and plots.
 
 ```python
 from delta_calibration.notebook import open_session
@@ -10,8 +10,8 @@ verdict = session.diagnose()
 verdict.save("extended.yaml")
 ```
 
-Each object is a thin cover over what the verbs use (`recorded`, `found`, `diagnosis`): the same
-figures come out. Tables are pandas', plots matplotlib's.
+Each object wraps the object that the commands use (`recorded`, `found`, `diagnosis`), so the
+numbers are the same. Tables are pandas', plots matplotlib's.
 """
 
 from __future__ import annotations
@@ -51,23 +51,23 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_SOURCE = Path("targets")  # what messages call them
+_SOURCE = Path("targets")  # name of the targets in messages
 _READERS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 
 
 def open_session(
     path: str | Path, robot: str | Path, topics: Sequence[str] = (), model: str | None = None
 ) -> Session:
-    """A recorded session, of a robot by its name or file.
+    """Open a recorded session of a robot.
 
     Args:
         path: rosbag2 folder.
-        robot: file, or the name of one that comes with the package.
-        topics: where streams were recorded under other names, `command=/my/joint_command`.
+        robot: robot file, or the name of one that comes with the package.
+        topics: names of streams that were recorded on other topics, `command=/my/joint_command`.
         model: mechanism to fit; the robot file's own where not given.
 
     Raises:
-        CalibrationError: no such session or robot, streams missing, nothing still; says what.
+        CalibrationError: no such session or robot, streams missing, nothing at rest; names it.
     """
     own = load_robot(robot)
     recorded = read_session(Path(path), Topics.from_options(tuple(topics)))
@@ -76,7 +76,7 @@ def open_session(
 
 @dataclass(frozen=True)
 class Session:
-    """What a machine was told, and where it was seen to stand."""
+    """A recorded session: joint commands, joint states and tracker readings of a robot."""
 
     robot: Robot
     recorded: Recording
@@ -97,7 +97,10 @@ class Session:
             warn(mistake.sentence(), stacklevel=3)
 
     def to_frame(self) -> pd.DataFrame:
-        """A row a pose at rest: time, joints, measured point, readings, payload, temperatures."""
+        """Table of the poses at rest: time, joints, measured point, readings, place, conditions.
+
+        The conditions are payload and temperatures; one row per pose.
+        """
         poses, names = self.survey.poses, self.robot.joints.names
         unit = self.robot.joints.unit
         columns: dict[str, Array | NDArray[np.int64]] = {"time_s": poses.time}
@@ -109,19 +112,21 @@ class Session:
         return _frame(columns)
 
     def fit(self, seed: int = 0) -> Identified:
-        """What the machine really is, as `delta-cal fit`; warns of mistakes in the session.
+        """Identify the geometry, as `delta-cal fit` does; warns of mistakes in the session.
 
         Raises:
-            CalibrationError: too few poses, nothing that can be set.
+            CalibrationError: too few poses, or no parameter is identifiable.
         """
         self._warn()
         return Identified(self, identify(self.survey.poses, self.robot, self.model, seed))
 
     def diagnose(self, seed: int = 0, calibration: Calibration | None = None) -> Diagnosed:
-        """What the calibrated model gets wrong, as `delta-cal diagnose`; warns as a fit.
+        """Diagnose the errors that the calibrated model leaves, as `delta-cal diagnose` does.
+
+        Warns of mistakes in the session.
 
         Raises:
-            CalibrationError: as a fit.
+            CalibrationError: as `fit`.
         """
         self._warn()
         found = diagnose(self.survey, self.robot, self.model, seed=seed, calibration=calibration)
@@ -141,18 +146,18 @@ class Session:
 
 @dataclass(frozen=True)
 class Identified:
-    """The machine as a fit has it."""
+    """Result of a fit: the identified machine."""
 
     session: Session
     found: Identification
 
     @cached_property
     def calibration(self) -> Calibration:
-        """As compensators take it."""
+        """The result as a calibration, which a compensator uses."""
         return from_identification(self.found, self.session.robot, self.session.survey.poses)
 
     def to_frame(self) -> pd.DataFrame:
-        """A row a dimension: drawn, identified, deviation, standard error, whether data set it."""
+        """Table of the dimensions: nominal, identified, deviation, standard error, tolerance."""
         found = self.found
         geometry = found.chain.layout.geometry
         rows = []
@@ -177,7 +182,7 @@ class Identified:
         return _frame({key: [row[key] for row in rows] for key in rows[0]}).set_index("dimension")
 
     def residuals(self) -> pd.DataFrame:
-        """A row a pose: what is left before and after the fit, in the tracker's frame [mm]."""
+        """Table of the poses: residuals before and after the fit, in the tracker's frame [mm]."""
         poses, at = self.session.survey.poses, self.session.survey.poses.conditions
         chain = self.found.chain
         after = poses.point - chain.predict(at, self.found.theta)
@@ -190,7 +195,7 @@ class Identified:
         return _frame(columns)
 
     def plot_residuals(self, axes: Any = None) -> Axes:
-        """Errors of all poses before and after the fit, in time; the poses that were fitted."""
+        """Plot the residuals of the fitted poses, before and after the fit, over time."""
         table = self.residuals()
         errors = {name: 1e-3 * table[f"{name}_mm"].to_numpy() for name in ("before", "calibrated")}
         return plot_errors(table["time_s"].to_numpy(), errors, self.found.noise.floor, axes=axes)
@@ -202,13 +207,13 @@ class Identified:
         payload: float | None = None,
         temperature: Mapping[str, float] | None = None,
     ) -> pd.DataFrame:
-        """Joint commands that put the tool at places, as `delta-cal compensate`.
+        """Joint commands that put the tool at targets, as `delta-cal compensate` computes them.
 
         Args:
             targets: a table with the columns of a file of targets (x_mm, y_mm, z_mm, name, and
                 turn_x_deg, turn_y_deg, turn_z_deg where the joints turn the platform; other
                 columns are left out), or (n, 3) [mm].
-            method: `apso` or `newton`; as the verb where not given.
+            method: `apso` or `newton`; the command's default where not given.
             payload: [kg] at the centre of the platform.
             temperature: by part [deg C].
 
@@ -240,19 +245,19 @@ class Identified:
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The verdict on a session, and the model that it extends the calibration to."""
+    """Result of a diagnosis: the verdict on a session, and the extended model."""
 
     session: Session
     diagnosis: Diagnosis
 
     @cached_property
     def calibration(self) -> Calibration:
-        """As compensators take it, effects in it."""
+        """The extended model as a calibration, which a compensator uses."""
         found = self.diagnosis.identification
         return from_identification(found, self.session.robot, self.session.survey.poses)
 
     def to_frame(self) -> pd.DataFrame:
-        """A row a value found, in SI: cause, location, value, standard error, how sure."""
+        """Table of the identified values, in SI: cause, location, value, std, confidence."""
         rows: list[dict[str, Any]] = [
             {
                 "cause": finding.cause,
@@ -270,7 +275,7 @@ class Diagnosed:
         return _frame({name: [row[name] for row in rows] for name in names})
 
     def plot_residuals(self, axes: Any = None) -> Axes:
-        """Errors of all poses, each by a fit that had not seen it, before and extended."""
+        """Plot the held-out errors of all poses, before and with the extended model, over time."""
         poses = self.session.survey.poses
         n = len(poses)
         errors = {
@@ -287,11 +292,11 @@ class Diagnosed:
         payload: float | None = None,
         temperature: Mapping[str, float] | None = None,
     ) -> pd.DataFrame:
-        """The same as `Identified.compensate`, by the extended model."""
+        """Joint commands for targets by the extended model, see `Identified.compensate`."""
         return _commands(self.calibration, targets, method, payload, temperature)
 
     def save(self, path: str | Path, *, force: bool = False) -> None:
-        """Write the calibration file, extended by what was found.
+        """Write the calibration file of the extended model.
 
         Raises:
             MistakeError: the session was recorded with a mistake, and `force` is not given.
@@ -354,7 +359,7 @@ def _commands(
 
 
 def _rows(robot: Robot, targets: Any) -> list[Row]:
-    """Targets as the lines of a file of targets would have them.
+    """Convert targets to rows like those of a target file.
 
     Raises:
         InputError: a column is missing, or there is no target.
@@ -386,7 +391,7 @@ def _listed(counts: Mapping[str, int]) -> str:
 
 
 def _page(title: str, rows: Mapping[str, str], notes: Sequence[str]) -> str:
-    """A small table for a notebook; texts of files are escaped."""
+    """A small HTML table for a notebook; all texts are escaped."""
     escape = required("markupsafe", "a notebook").escape
     body = "".join(
         f"<tr><th style='text-align:left'>{escape(key)}</th>"

@@ -1,4 +1,4 @@
-"""Named parameters: what a model can be wrong about, in which unit, by how much one expects."""
+"""Named parameters of a model, with unit, nominal value, prior and bounds."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One scalar of a model.
+    """One scalar parameter of a model.
 
-    `prior` is the standard deviation one expects of (actual - nominal) before any measurement;
-    `inf` where nothing is known. `cause` is the name under which an error of this parameter is
-    reported, `location` the joint or chain that it belongs to. Beyond `lower` and `upper` no
-    machine can be: no stiffness is negative, no metal grows by a hundredth.
+    `prior` is the standard deviation of (actual - nominal) before any measurement; `inf` if
+    nothing is known. `cause` is the name under which an error of this parameter is reported,
+    `location` the joint or chain that it belongs to. `lower` and `upper` are physical bounds: no
+    stiffness is negative, no metal expands by a hundredth.
     """
 
     name: str
-    unit: str  # "m", "rad" or "1"
+    unit: str  # SI: "m", "rad", "1", of an effect also others, such as "s" or "rad/(N m)"
     nominal: float
     prior: float
     cause: str = "geometry"
@@ -37,12 +37,12 @@ class Parameter:
 
 @dataclass(frozen=True)
 class ParameterSet:
-    """Parameters in the order of the vector that holds their values."""
+    """Ordered parameters, in the order of the vector of their values."""
 
     items: tuple[Parameter, ...]
 
     def __post_init__(self) -> None:
-        """Refuse double names, which would make a value ambiguous."""
+        """Refuse duplicate names, which would make a value ambiguous."""
         if len(self._rows) != len(self.items):
             names = [item.name for item in self.items]
             doubles = sorted({name for name in names if names.count(name) > 1})
@@ -50,7 +50,7 @@ class ParameterSet:
 
     @cached_property
     def _rows(self) -> dict[str, int]:
-        """Row of each name."""
+        """Index in the vector of each name."""
         return {item.name: row for row, item in enumerate(self.items)}
 
     def __len__(self) -> int:
@@ -74,12 +74,12 @@ class ParameterSet:
 
     @property
     def nominal(self) -> Array:
-        """Values of the drawing, (p,)."""
+        """Nominal values, (p,)."""
         return np.array([item.nominal for item in self.items])
 
     @property
     def prior(self) -> Array:
-        """Expected standard deviations about the nominal values, (p,)."""
+        """Prior standard deviations about the nominal values, (p,)."""
         return self._priors.copy()
 
     @cached_property
@@ -88,13 +88,13 @@ class ParameterSet:
 
     @cached_property
     def bounds(self) -> tuple[Array, Array]:
-        """Physical bounds in units of the priors, two (p,)."""
+        """Physical bounds, lower and upper, in units of the priors, (p,) each."""
         lower = np.array([item.lower for item in self.items])
         upper = np.array([item.upper for item in self.items])
         return lower / self._priors, upper / self._priors
 
     def row(self, name: str) -> int:
-        """Place of a parameter in the vector.
+        """Index of a parameter in the vector.
 
         Raises:
             InputError: no parameter of that name.
@@ -104,14 +104,14 @@ class ParameterSet:
         return self._rows[name]
 
     def values(self, vector: Array) -> dict[str, float]:
-        """The vector as name -> value, for people and files."""
+        """The vector as a dictionary, name -> value, for output and files."""
         return {item.name: float(value) for item, value in zip(self.items, vector, strict=True)}
 
     def vector(self, values: Iterable[tuple[str, float]]) -> Array:
-        """Nominal values with the given ones in their places.
+        """Vector of the nominal values, with the given values replaced.
 
         Raises:
-            InputError: a name that is not of this set.
+            InputError: a name that is not in this set.
         """
         vector = self.nominal
         for name, value in values:

@@ -1,9 +1,9 @@
-"""What a process has to be given, and what a killed one leaves behind.
+"""Environment of child processes, and removal of shared memory that killed ones leave behind.
 
 The wheels of rclpy start every python of their environment twice, the second time with
-LD_LIBRARY_PATH set and a variable that says it is done. A child python of another environment
-inherits both and loads the wrong libraries. On a machine with ROS from apt the variable is absent,
-and nothing is taken away.
+LD_LIBRARY_PATH set and a variable that marks this second start. A child python of another
+environment inherits both and loads the wrong libraries. On a machine with ROS from apt the
+variable is absent, and nothing is removed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def child_environment(
     """Environment for a child process that runs a node, or any other python.
 
     Args:
-        domain_id: ROS domain of the child; None leaves what is set.
+        domain_id: ROS domain of the child; None leaves it as it is.
         base: environment to start from; this process's own by default.
         local_only: keep discovery on this machine.
     """
@@ -52,12 +52,11 @@ def _of_wheel(library_path: str) -> bool:
 def remove_dead_shared_memory(folder: Path = SHARED_MEMORY) -> list[str]:
     """Remove shared memory that Fast DDS processes of this user left behind when they were killed.
 
-    For who launches and kills nodes, before the first is started or after one was killed. Not
-    while others start: between making a segment and locking it there is a moment in which it looks
-    dead.
+    Call it before the first node is started or after one was killed, not while others start:
+    between creating a segment and locking it there is a moment in which it looks dead.
 
-    A living owner holds the lock files of its segments (`_el`, `_sl`); dead is a segment whose
-    locks can be taken, or that has had none for AGE_S.
+    A living owner holds the lock files of its segments (`_el`, `_sl`); a segment is dead if its
+    locks can be taken, or if it has had none for AGE_S.
 
     Returns:
         Names of the segments removed.
@@ -84,7 +83,7 @@ def _old(path: Path) -> bool:
 
 @contextmanager
 def _locked(*locks: Path) -> Iterator[bool | None]:
-    """Hold the locks that exist: True if all were had, False if not, None if there are none."""
+    """Hold the locks that exist: True if all were taken, False if not, None if there are none."""
     with ExitStack() as stack:
         taken = None
         for lock in locks:

@@ -1,4 +1,4 @@
-"""The part of space that a calibration covers: the convex hull of the poses it was made from."""
+"""The region where a calibration is valid: the convex hull of the measured positions."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from delta_calibration.errors import DataError
 
 Array = NDArray[np.float64]
 
-_FLAT = 0.05  # of the largest extent; a body thinner than this is flat
-_SKIN = 0.5e-3  # [m] either side of a flat body
+_FLAT = 0.05  # a body thinner than this share of its largest extent is flat
+_SKIN = 0.5e-3  # [m] thickness added on either side of a flat body
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Region:
     vertices: Array
 
     def __post_init__(self) -> None:
-        """Refuse what has no inside.
+        """Refuse points that span no volume.
 
         Raises:
             DataError: fewer than four points.
@@ -34,15 +34,15 @@ class Region:
 
     @cached_property
     def _planes(self) -> Array:
-        """Of the hull's faces, (f, 4): n . p + d <= 0 inside."""
-        # Joggled, so that many points of one plane are no error.
+        """Planes of the hull's faces, (f, 4): n . p + d <= 0 inside [m]."""
+        # Joggled, so that many points in one plane cause no error.
         return np.asarray(ConvexHull(self.vertices, qhull_options="QJ Pp").equations)
 
     @classmethod
     def of(cls, points: Array) -> Region:
-        """The region of these points, half a millimetre thicker where they are flat.
+        """Build the region of these points; flat ones get half a millimetre on either side.
 
-        Only the corners are kept.
+        Only the vertices of the hull are kept.
         """
         if len(points) < 4:
             return cls(points)
@@ -52,7 +52,7 @@ class Region:
 
     @property
     def planes(self) -> Array:
-        """The hull's faces, (f, 4): n . p + d is negative inside [m]."""
+        """Planes of the hull's faces, (f, 4): n . p + d is negative inside [m]."""
         return self._planes
 
     @property
@@ -62,18 +62,18 @@ class Region:
         return np.asarray(self.vertices[hull.simplices])
 
     def outside(self, points: Array) -> Array:
-        """How far outside each point lies, (...,) [m]; negative inside.
+        """Largest signed distance of each point from the planes of the faces, (...,) [m].
 
-        Beyond a face this is the distance; beyond an edge or a corner it is less, by at most the
-        factor that the hull's faces meet at.
+        It is negative inside. Beyond a face it is the distance from the region; beyond an edge or
+        a corner it is smaller, by a factor that depends on the angle between the faces.
         """
         return np.asarray(np.max(points @ self._planes[:, :3].T + self._planes[:, 3], axis=-1))
 
     def sample(self, n: int, margin: float, rng: np.random.Generator) -> Array:
-        """Points less than `margin` [m] outside: beyond each corner, and n others.
+        """Draw points up to `margin` [m] outside: one beyond each vertex, and n others.
 
-        A third of the others lie on the boundary, the rest are spread inside. All are found along
-        rays from the middle, drawn as the corners lie, so that a thin body is met as well.
+        A third of the others lie on the boundary, the rest are spread inside. All lie on rays from
+        the middle, drawn with the covariance of the vertices, so that a thin body is covered too.
         """
         middle = self.vertices.mean(axis=0)
         corners = self.vertices - middle
@@ -82,15 +82,15 @@ class Region:
         room = margin - (self._planes[:, :3] @ middle + self._planes[:, 3])
         with np.errstate(divide="ignore"):
             reach = np.where(slope > 0, room / slope, np.inf).min(axis=1)
-        share = np.full(len(rays), 1 - 1e-9)  # of the way: none is outside by rounding
+        share = np.full(len(rays), 1 - 1e-9)  # of the reach: rounding puts no point outside
         share[len(corners) + n // 3 :] = np.cbrt(rng.random(n - n // 3))
         return np.asarray(middle + (share * reach)[:, None] * rays)
 
 
 def _thickened(points: Array) -> Array:
-    """Points of a disc or a line drawn out either way along the directions they are thin in.
+    """Thicken the points of a disc or a line along the directions in which they are thin.
 
-    A disc's hull would else have no faces round its rim but two that meet there at a sharp edge,
+    Otherwise the hull of a disc would have only two faces, which meet at the rim in a sharp edge,
     and a point in its plane, however far outside, would lie on both.
     """
     axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]

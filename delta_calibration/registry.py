@@ -1,7 +1,8 @@
-"""Classes by name: those of the package, and those that installed packages add.
+"""Registry of classes by name: those of the package, and those that installed packages add.
 
 A package adds its own in an entry-point group, `delta_calibration.effects` or
-`delta_calibration.mechanisms`: the entry's name is the class's own, its value `module:Class`.
+`delta_calibration.mechanisms`: the entry's name is the name that the class states, its value
+`module:Class`.
 """
 
 from __future__ import annotations
@@ -17,19 +18,19 @@ Kind = TypeVar("Kind")
 
 
 class Registry(Mapping[str, type[Kind]], Generic[Kind]):
-    """A kind of classes by their names; what is installed beside them is loaded when first asked.
+    """Mapping from name to class; classes of other packages are loaded at the first access.
 
-    Not before, so that a module of another package can import this one first.
+    Not earlier, so that a module of another package can import this one first.
     """
 
     def __init__(self, base: type[Kind], key: str, group: str, own: Iterable[type[Kind]]) -> None:
-        """From the package's own classes.
+        """Begin with the package's own classes.
 
         Args:
-            base: what each class has to be derived from.
+            base: class from which each class has to be derived.
             key: class variable that holds the name.
-            group: of entry points.
-            own: of this package.
+            group: entry-point group of the added classes.
+            own: classes of this package.
         """
         self._base, self._key, self._group = base, key, group
         self._own = {str(getattr(kind, key)): kind for kind in own}
@@ -48,10 +49,11 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         return {entry.name: self._loaded(entry) for entry in entry_points(group=self._group)}
 
     def _loaded(self, entry: EntryPoint) -> type[Kind]:
-        """The class that an entry names.
+        """Load the class of an entry point.
 
         Raises:
-            ConfigError: it cannot be imported, is no such class, or its name is another or taken.
+            ConfigError: it cannot be imported, is not derived from the base, states another name,
+                or the name is taken.
         """
         where = f"entry point {self._group}: {entry.name} = {entry.value}"
         if entry.name in self._own:

@@ -38,10 +38,10 @@ from delta_calibration.sections import names as texts
 Array = NDArray[np.float64]
 
 SCHEMA = 1
-_SINGULAR = 1e3  # condition at home, from which no pose near it can be had
+_SINGULAR = 1e3  # condition number at home from which the mechanism counts as singular there
 _MACHINE = ("schema", "name", "mechanism", "geometry", "tolerances", "masses", "tool")
 _GEARS = "gear_ratio"
-_SHORT = 40  # letters of an entry that a message repeats
+_SHORT = 40  # characters; a message quotes only entries that are no longer
 _NAME = "^[a-z][a-z0-9_]*$"
 _NAMED = "a lower-case letter, then lower-case letters, digits and _,"
 
@@ -55,14 +55,15 @@ _ZERO = "reading of each joint at the zero of the mechanism (docs/robot_file.md)
 
 @dataclass(frozen=True)
 class Joints:
-    """The actuated joints, turning; lengths stand for angles where they slide.
+    """The actuated joints, rotary here; see `SlidingJoints` for prismatic ones.
 
-    A joint reads sign * own + zero, own being the mechanism's own joint (mechanisms/drives.py).
-    All other entries, and all that the package reads and writes of joints, are readings.
+    The reading of a joint is sign * own + zero, with own the joint coordinate of the mechanism
+    (mechanisms/drives.py). All other entries, and all joint values that the package reads and
+    writes, are readings.
     """
 
     unit: ClassVar[str] = "rad"
-    shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # for people, of one SI unit
+    shown: ClassVar[tuple[str, float]] = ("degrees", 180 / np.pi)  # unit in messages, per SI unit
 
     names: tuple[str, ...] = texts(about="names of the joints, in the order of the legs or axes")
     lower: Array = quantity(
@@ -101,7 +102,7 @@ class Joints:
     )
 
     def beyond(self, joint: Array) -> str:
-        """Which joint of (m,) is beyond its limits, in words; empty if none is."""
+        """Name the first of the joints (m,) that is beyond its limits, in words; else empty."""
         out = np.flatnonzero((joint < self.lower) | (joint > self.upper))
         if not out.size:
             return ""
@@ -112,7 +113,7 @@ class Joints:
 
 @dataclass(frozen=True)
 class SlidingJoints(Joints):
-    """Joints that slide."""
+    """The actuated joints of a mechanism whose joints are prismatic."""
 
     unit: ClassVar[str] = "m"
     shown: ClassVar[tuple[str, float]] = ("mm", 1e3)
@@ -141,7 +142,7 @@ class SlidingJoints(Joints):
 
 @dataclass(frozen=True)
 class Tool:
-    """What is on the platform."""
+    """The tool on the platform."""
 
     offset: Array = quantity(
         "mm",
@@ -154,7 +155,7 @@ class Tool:
 
 @dataclass(frozen=True)
 class Tracker:
-    """What measures: noise along the beam and, a + b d at distance d, across it."""
+    """The tracker: noise along the beam and, a + b d at distance d, across it; its reflector."""
 
     measures: str = choice(
         "position", "pose", about="position (a reflector) or pose (a 6-DoF probe)"
@@ -205,7 +206,7 @@ class Tracker:
 
 @dataclass(frozen=True)
 class Sight:
-    """A camera that looks down on the workspace: a pinhole, and how well it finds the tool."""
+    """A camera that looks down on the workspace: pinhole model, noise and position."""
 
     focal: Array = quantity("px", above=0.0, shape=(2,), about="focal lengths of the camera")
     centre: Array = quantity("px", least=0.0, shape=(2,), about="image point on the optical axis")
@@ -216,7 +217,7 @@ class Sight:
 
     @property
     def camera(self) -> Camera:
-        """The pinhole."""
+        """The pinhole model of the camera."""
         return Camera(self.focal, self.centre)
 
 
@@ -225,9 +226,9 @@ _LARGEST = "largest correction of a joint that is ever sent"
 
 @dataclass(frozen=True)
 class Limits:
-    """What the compensation may do."""
+    """Limits of the compensation."""
 
-    # a drum turns far where a joint of an arm turns little
+    # the bound is large because the drum of a cable turns much farther than a joint of an arm
     correction: float = quantity("deg", above=0.0, most=7200.0, about=_LARGEST)
     # see Mechanism.condition
     condition: float = quantity(
@@ -242,7 +243,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Workspace:
-    """Where it works: a box of tool points, and how far the platform turns there."""
+    """The workspace: a box of tool points, and the largest rotation of the platform in it."""
 
     centre: Array = place(
         shape=(3,),
@@ -257,7 +258,7 @@ class Workspace:
 
 @dataclass(frozen=True)
 class SlidingLimits(Limits):
-    """The same for joints that slide."""
+    """Limits of the compensation of a mechanism whose joints are prismatic."""
 
     correction: float = quantity("mm", above=0.0, most=100.0, about=_LARGEST)
 
@@ -268,11 +269,12 @@ _LIMITS: Mapping[str, type[Limits]] = {"rad": Limits, "m": SlidingLimits}
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot: its drawing, what its parts may deviate by, its joints, tracker and limits.
+    """A robot: nominal dimensions, tolerances, joints, tracker and limits.
 
-    `dimensions`, `tolerances` and `masses` are of the mechanism's own kinds. `hash` is that of the
-    file's content, `machine_hash` of what a calibration depends on: it says by that for which
-    robot it was made, and stays true when noise, speeds, limits or the workspace are changed.
+    `dimensions`, `tolerances` and `masses` are classes of the mechanism. `hash` is that of the
+    file's content, `machine_hash` that of the entries on which a calibration depends: a
+    calibration stores it to identify its robot, and stays valid when noise, speeds, limits or the
+    workspace are changed.
     """
 
     name: str
@@ -282,7 +284,7 @@ class Robot:
     mechanism: str
     dimensions: Any
     tolerances: Any
-    masses: Any  # None where the mechanism asks for none
+    masses: Any  # None if the mechanism needs none
     joints: Joints
     tool_offset: Array  # (3,) [m] in the platform's frame
     tracker: Tracker
@@ -291,10 +293,10 @@ class Robot:
     camera: Sight | None = None  # None: there is none
 
     def model(self, mechanism: str | None = None) -> Mechanism:
-        """The mechanism with this robot's drawing and tolerances; by default the file's own.
+        """Build a mechanism, by default the file's own, with the robot's dimensions, tolerances.
 
         Raises:
-            ConfigError: no mechanism of that name, or one of another drawing.
+            ConfigError: no mechanism of that name, or one that has other dimensions.
         """
         name = mechanism or self.mechanism
         if name not in MECHANISMS:
@@ -311,7 +313,7 @@ class Robot:
 
     @property
     def drives(self) -> Drives:
-        """How its joints read."""
+        """Signs and zeros of its joint readings."""
         joints, alike = self.joints, Drives.alike(len(self.joints.names))
         return Drives(
             alike.sense if joints.sign is None else joints.sign,
@@ -319,16 +321,16 @@ class Robot:
         )
 
     def place(self, joint: str) -> str:
-        """Where a part is, as parameters and verdicts have it, of a joint by its name here.
+        """Location of a joint as parameters and verdicts name it (`joint_2`), from its name here.
 
-        Other texts are left as they are.
+        Other texts are returned unchanged.
         """
         names = self.joints.names
         limb = MECHANISMS[self.mechanism].limb
         return f"{limb}_{names.index(joint) + 1}" if joint in names else joint
 
     def named(self, text: str) -> str:
-        """A text in which joint_2 or joint 2 is called by the robot's own name of it."""
+        """The text with `joint_2` or `joint 2` replaced by the robot's own name of that joint."""
         names, limb = self.joints.names, MECHANISMS[self.mechanism].limb
 
         def name(found: re.Match[str]) -> str:
@@ -339,12 +341,12 @@ class Robot:
 
     @cached_property
     def commanded(self) -> Mechanism:
-        """The model by which its controller turns poses into joints."""
+        """The model with which its controller computes joints from poses."""
         return self.model(MECHANISMS[self.mechanism].commanded or None)
 
     @cached_property
     def detailed(self) -> Mechanism:
-        """The model that leaves out least."""
+        """The most detailed model of the mechanism."""
         return self.model(MECHANISMS[self.mechanism].detailed or None)
 
 
@@ -352,14 +354,14 @@ def load_robot(path_or_name: str | Path) -> Robot:
     """Read a robot from a YAML file, or by name from the files that come with the package.
 
     Raises:
-        ConfigError: not there, or an entry is missing, unknown or out of range.
+        ConfigError: no such file, or an entry is missing, unknown or out of range.
     """
     path = _find(path_or_name)
     return _robot(read_document(path, _schema), str(path))
 
 
 def robot_from(data: Document, source: str) -> Robot:
-    """The robot of a document that was read already, or edited since.
+    """Build the robot from a document that was already read, and perhaps edited.
 
     Raises:
         ConfigError: an entry is missing, unknown or out of range; names `source`.
@@ -369,10 +371,10 @@ def robot_from(data: Document, source: str) -> Robot:
 
 
 def robot_document(path_or_name: str | Path) -> tuple[Path, dict[str, Any]]:
-    """A robot file as it is written, whether or not it describes a robot, and where it is.
+    """Path and content of a robot file, which need not be valid.
 
     Raises:
-        ConfigError: not there, or no mapping of keys to values.
+        ConfigError: no such file, or no mapping of keys to values.
     """
     path = _find(path_or_name)
     return path, read_document(path, lambda _: {})
@@ -409,9 +411,9 @@ def _robot(data: Document, path: str) -> Robot:
 
 
 def _machine(data: Document) -> Document:
-    """What a calibration depends on: the drawing with its tolerances, tool, masses, gears, drives.
+    """Entries on which a calibration depends: dimensions, tolerances, tool, masses, gears, drives.
 
-    Signs of 1 and zeros of 0 are what a file without them says.
+    Signs of 1 and zeros of 0 are left out, because a file without them means the same.
     """
     joints = data["joints"]
     geared = {key: joints[key] for key in joints if key == "names" or key.startswith(_GEARS)}
@@ -448,7 +450,7 @@ def _schema(data: Document) -> Schema:
 
 
 def robot_schema(mechanism: str) -> Schema:
-    """What a robot file of a mechanism must be; of an unknown one, what all are."""
+    """Schema of a robot file of a mechanism; of an unknown one, the schema common to all."""
     kind = MECHANISMS.get(mechanism)
     parts: dict[str, Any] = {
         "schema": {"const": SCHEMA},
@@ -475,7 +477,7 @@ def robot_schema(mechanism: str) -> Schema:
 
 
 def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
-    """Refuse limits that are not one for each joint, or the wrong way round."""
+    """Refuse joint entries of the wrong length, and lower limits that are not below the upper."""
     expected = robot.model().joints
     keys = {item.name: key_of(item) for item in fields(robot.joints)}
     for name in ("names", "lower", "upper", "sign", "zero"):
@@ -502,7 +504,7 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
 
 
 def _require_home(robot: Robot, data: Document) -> None:
-    """Refuse a drawing whose joints or platform cannot be in the middle of the workspace."""
+    """Refuse a robot whose home pose is beyond joint limits, singular or out of reach."""
     model, joints = robot.commanded, robot.joints
     home, (unit, factor) = model.home, joints.shown
     keys = {item.name: key_of(item) for item in fields(joints)}
@@ -525,5 +527,5 @@ def _require_home(robot: Robot, data: Document) -> None:
 
 
 def _written(section: Mapping[str, Any]) -> str:
-    """Entries of a section as its file has them, as far as they are short."""
+    """Entries of a section as its file has them; long ones are left out."""
     return ", ".join(f"{k} {v}" for k, v in section.items() if len(str(v)) <= _SHORT)

@@ -2,7 +2,7 @@
 
     base_radius: float = length()       base_radius_mm in the file, metres inside
 
-From the fields come the schema that a file is checked by, and what is made of a file that passes.
+The fields define both the schema that checks a file and the object that a valid file becomes.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ SI = {
 
 @dataclass(frozen=True)
 class _Entry:
-    """What a field is in the file."""
+    """How a field is written in the file."""
 
     schema: Mapping[str, Any]
-    unit: str | None = None  # of a number or an array of them; None: not a number
-    key: str | None = None  # where it is not the field's name and the unit
-    part: type[Any] | None = None  # section of which there is a list
-    about: str = ""  # what it is, for who writes a file
+    unit: str | None = None  # of a number or an array of numbers; None: not a number
+    key: str | None = None  # if it differs from the field's name with the unit appended
+    part: type[Any] | None = None  # class of each section, if the field is a list of sections
+    about: str = ""  # description for the author of a file
 
 
 def quantity(
@@ -58,17 +58,17 @@ def quantity(
     default: Any = MISSING,
     about: str = "",
 ) -> Any:
-    """A field that holds a number, or an array of them.
+    """A field that holds a number, or an array of numbers.
 
     Args:
-        unit: of the file, one of `SI`; the field itself is SI.
-        above: smallest number, itself not allowed.
-        least: smallest number.
-        most: largest number.
-        shape: of the array; `None` for a length that the file decides.
-        key: in the file, where it is not the field's name with the unit behind.
-        default: where the file says nothing; without it the entry is required.
-        about: what it is, for who writes a file.
+        unit: unit in the file, one of `SI`; the field itself is in SI units.
+        above: exclusive lower bound.
+        least: inclusive lower bound.
+        most: inclusive upper bound.
+        shape: shape of the array; `None` for a length that the file decides.
+        key: key in the file, if it differs from the field's name with the unit appended.
+        default: value if the file has no such entry; without a default the entry is required.
+        about: description for the author of a file.
     """
     bounds = {"exclusiveMinimum": above, "minimum": least, "maximum": most}
     number = {"type": "number", **{k: v for k, v in bounds.items() if v is not None}}
@@ -81,12 +81,12 @@ def length(**options: Any) -> Any:
 
 
 def place(**options: Any) -> Any:
-    """A coordinate, or several [mm in the file]."""
+    """A coordinate, or an array of coordinates [mm in the file]."""
     return quantity("mm", least=-10000.0, most=10000.0, **options)
 
 
 def angle(**options: Any) -> Any:
-    """An angle, or several [deg in the file]."""
+    """An angle, or an array of angles [deg in the file]."""
     return quantity("deg", least=-360.0, most=360.0, **options)
 
 
@@ -96,23 +96,23 @@ def mass(**options: Any) -> Any:
 
 
 def tolerance(unit: str = "mm", **options: Any) -> Any:
-    """Standard deviation of a part about the drawing."""
+    """A tolerance: standard deviation of a dimension about its nominal value."""
     return quantity(unit, above=0.0, most=100.0, **options)
 
 
 def choice(*values: str, default: Any = MISSING, about: str = "") -> Any:
-    """One of some words."""
+    """A text that must be one of the given values."""
     return _field(_Entry({"enum": list(values)}, about=about), default)
 
 
 def names(default: Any = MISSING, about: str = "") -> Any:
-    """Texts that differ, at least one."""
+    """A list of different texts, at least one."""
     word = {"type": "string", "minLength": 1}
     return _field(_Entry({**_array(word, (None,)), "uniqueItems": True}, about=about), default)
 
 
 def senses(about: str = "") -> Any:
-    """1 or -1, several; None where the file says nothing."""
+    """An array of signs, 1 or -1; None if the file has no such entry."""
     return _field(_Entry(_array({"enum": [1, -1]}, (None,)), "", about=about), None)
 
 
@@ -122,7 +122,7 @@ def flag(default: bool, about: str = "") -> Any:
 
 
 def parts(kind: type[Any], about: str = "") -> Any:
-    """Several sections of one kind."""
+    """A list of sections of one class."""
     return _field(_Entry(_array(schema_of(kind), (None,)), part=kind, about=about))
 
 
@@ -138,10 +138,10 @@ def schema_of(kind: type) -> dict[str, Any]:
 
 
 def built(kind: type[Kind], section: Mapping[str, Any]) -> Kind:
-    """What a section says that has passed its schema, in SI.
+    """Build the object of a section that follows its schema, with values in SI units.
 
     Raises:
-        ConfigError: entries that do not go together; names their path in the section.
+        ConfigError: entries that contradict each other; names their path in the section.
     """
     hints = get_type_hints(kind)
     given = [f for f in fields(kind) if key_of(f) in section]  # type: ignore[arg-type]
@@ -149,10 +149,10 @@ def built(kind: type[Kind], section: Mapping[str, Any]) -> Kind:
 
 
 def part_of(where: str, kind: type[Kind], section: Mapping[str, Any]) -> Kind:
-    """The same of a section within another; its errors say `where` it is.
+    """Build the object of a section within another; errors name its path, `where`.
 
     Raises:
-        ConfigError: entries that do not go together.
+        ConfigError: entries that contradict each other.
     """
     try:
         return built(kind, section)
@@ -161,7 +161,7 @@ def part_of(where: str, kind: type[Kind], section: Mapping[str, Any]) -> Kind:
 
 
 def refused(section: Any, name: str, allowed: str) -> ConfigError:
-    """What is wrong with a field: its key and value as the file has them, and what is allowed."""
+    """Error about a field: its key and value as the file has them, and the allowed values."""
     item = next(f for f in fields(section) if f.name == name)
     entry: _Entry = item.metadata["entry"]
     value = getattr(section, name)
@@ -170,7 +170,7 @@ def refused(section: Any, name: str, allowed: str) -> ConfigError:
 
 
 def as_written(value: Any, unit: str) -> str:
-    """A number in SI, or an array of them, as a file in this unit has it."""
+    """Format a number in SI units, or an array of numbers, in the unit of a file."""
     if np.ndim(value):
         return f"[{', '.join(as_written(one, unit) for one in value)}]"
     return f"{float(value) / SI[unit]:.10g}"

@@ -1,4 +1,4 @@
-"""CSV tables of a user: their lines, and what is wrong with one by its place in the file."""
+"""Reads CSV tables of a user; errors name file, line and column."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from delta_calibration.texts import number_of, read_text
 
 DELIMITERS = ";\t|,"
 
-_HUGE = 1e30  # in no unit is anything of a cell so large; what is would overflow when squared
+_HUGE = 1e30  # no quantity of a cell is so large in any unit; its square would overflow
 
 
 @dataclass(frozen=True)
@@ -24,14 +24,14 @@ class Row:
 
     file: Path
     line: int
-    text: Mapping[str, str | None]  # by the names of the columns; None where the line is short
-    beside: Row | None = None  # of a second file, whose columns are in `text` as well
+    text: Mapping[str, str | None]  # by column name; None if the line is too short
+    beside: Row | None = None  # row of a second file, whose columns are in `text` as well
 
     def number(self, column: str, least: float = -_HUGE, most: float = _HUGE) -> float:
-        """The finite number in a column, between bounds.
+        """The finite number in a column, within bounds.
 
         Raises:
-            InputError: another text, or a number that is not allowed.
+            InputError: not a finite number, or out of bounds.
         """
         text = self.text[column] or ""
         value = number_of(text)
@@ -42,7 +42,7 @@ class Row:
         return value
 
     def wrong(self, column: str, problem: str) -> InputError:
-        """What is wrong with the value in a column."""
+        """Error about the value in a column, with file, line and value."""
         if self.beside is not None and column in self.beside.text:
             return self.beside.wrong(column, problem)
         text = self.text[column] or ""
@@ -55,16 +55,16 @@ def read_table(
     optional: Sequence[str] = (),
     delimiter: str = ",",
 ) -> list[Row]:
-    """The lines of a CSV file.
+    """Read the rows of a CSV file.
 
     Args:
         path: the file.
-        columns: that it has to have.
-        optional: that it may have.
-        delimiter: between two values.
+        columns: required columns.
+        optional: optional columns.
+        delimiter: character between two values.
 
     Raises:
-        InputError: no such file, a column missing or there twice, a line too long, or no line.
+        InputError: no such file, a column missing or twice, a line too long, or no row.
     """
     reader = csv.DictReader(
         io.StringIO(read_text(path), newline=""), delimiter=delimiter, skipinitialspace=True
@@ -88,10 +88,10 @@ def require_columns(
     optional: Sequence[str],
     delimiter: str,
 ) -> None:
-    """Refuse columns that are missing or there twice.
+    """Refuse a table in which a column is missing or exists twice.
 
     Raises:
-        InputError: names them, what is there, and the delimiter that it looks like.
+        InputError: names the columns, those found, and the delimiter that the file seems to use.
     """
     missing = [name for name in columns if name not in found]
     if missing:
@@ -107,7 +107,7 @@ def require_columns(
 
 
 def _grouped(text: str) -> str:
-    """What to write instead of digits that are separated by something."""
+    """Hint how to write a number with separators between its digits; empty for other texts."""
     if not any(c.isdigit() for c in text) or any(c.isalpha() for c in text):
         return ""
     return "; decimals take a point, thousands take nothing: -1234.5"
@@ -116,7 +116,7 @@ def _grouped(text: str) -> str:
 def _of_one_length(
     path: Path, reader: csv.DictReader[str], columns: Sequence[str]
 ) -> Iterator[dict[str, str]]:
-    """The rows, none longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
+    """Yield the rows; refuse one longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
     for row in reader:
         surplus: Sequence[str] = row.pop(None, ())
         if surplus:

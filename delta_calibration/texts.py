@@ -1,4 +1,4 @@
-"""Text files of a user, and numbers in them: UTF-8, plain decimals, plain words for others."""
+"""Reads text files of a user (UTF-8) and plain decimal numbers; shortens texts for messages."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _ARCHIVE = b"PK\x03\x04"  # workbooks (xlsx, ods) are archives
 
 
 def read_text(path: Path, kind: type[InputError] = InputError, most: int = MOST_TEXT) -> str:
-    """What a text file holds, without the mark that some programs put in front.
+    """Read a text file, without the byte order mark that some programs put in front.
 
     Raises:
         InputError: (or the `kind` of it) no such file, no regular one, one of more than `most`
-            bytes, or in another encoding than UTF-8; names the file, the encoding as far as it
-            shows, and what to do.
+            bytes, or in another encoding than UTF-8; names the file, the encoding if it can be
+            recognised, and the remedy.
     """
     data = read_bounded(path, most, kind)
     if data.startswith(_ARCHIVE):
@@ -42,22 +42,22 @@ def read_text(path: Path, kind: type[InputError] = InputError, most: int = MOST_
 
 
 def listed(names: Sequence[str], most: int = 12, longest: int = 40) -> str:
-    """Names that somebody else gave, for a message of bounded length: the first few, cut."""
+    """List foreign names in a message of bounded length: only the first few, each cut."""
     cut = (name if len(name) <= longest else f"{name[:longest]}..." for name in names[:most])
-    shown = [repr(name) for name in cut]  # which keeps it to one line
+    shown = [repr(name) for name in cut]  # repr keeps the message on one line
     more = [f"and {len(names) - most} more"] if len(names) > most else []
     return f"[{', '.join([*shown, *more])}]"
 
 
 def bounded(text: str, most: int = 1000) -> str:
-    """A sentence with words of others in it, cut where it is longer than anybody reads."""
+    """A message that quotes foreign text, cut after `most` characters."""
     return text if len(text) <= most else f"{text[:most]}... ({len(text)} characters)"
 
 
 def number_of(text: str) -> float:
-    """A finite plain decimal number; NaN of all else.
+    """Convert a plain, finite decimal number; NaN for any other text.
 
-    Python by itself takes more for one: `31_49.0`, digits of other scripts, `inf`.
+    Python's `float` accepts more: `31_49.0`, digits of other scripts, `inf`.
     """
     text = text.strip()
     value = float(text) if _PLAIN.fullmatch(text) else float("nan")

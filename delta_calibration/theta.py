@@ -1,17 +1,17 @@
-"""Layout of the parameter vector theta: which of its entries belong to which part.
+"""Layout of the parameter vector theta: which entries belong to which part.
 
     theta = (g, o, w, t, m, v_1 ... v_e)
 
     g    geometry of the mechanism                               (p,)    [m, rad]
-    o    place of the reflector in the platform: the offset      (3,)    [m]
-    w    turn of the measuring device's frame, a rotation vector (3,)    [rad]
-    t    place of that frame's origin                            (3,)    [m]
-    m    turn of the probe on the platform, a rotation vector    (3,)    [rad]
+    o    position of the reflector in the platform: the offset   (3,)    [m]
+    w    rotation vector of the measuring device's frame         (3,)    [rad]
+    t    position of that frame's origin                         (3,)    [m]
+    m    rotation vector of the probe on the platform            (3,)    [rad]
     v_i  parameters of effect i of the chain                     (k_i,)  each in its own unit
 
 The parts always come in this order, in theta, in its covariance and in the columns of a Jacobian.
-A part that a model does not have is empty: a fit of observations knows no offset, and only a fit
-that uses measured turns knows how the probe is mounted.
+A part that a model does not have is empty: a fit of observations has no offset, and only a fit
+that uses measured rotations has the rotation of the probe.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 _AXES = "xyz"
-_VECTOR = len(_AXES)  # numbers of an offset, a turn or a place
+_VECTOR = len(_AXES)  # size of an offset, a turn or a place
 
 
 @dataclass(frozen=True)
 class Parts:
-    """A parameter vector taken apart; the arrays are views of it."""
+    """The parts of a parameter vector; the arrays are views of it."""
 
     geometry: Array  # (p,) [m, rad]
-    offset: Array  # (3,) [m] of the reflector in the platform; (0,) where there is none
-    frame: Array  # (6,) turn [rad] and place [m], as `Frame.from_vector` takes them
-    effects: tuple[Array, ...]  # of each effect (k,)
-    mount: Array  # (3,) [rad] turn of the probe; (0,) where no turns are measured
+    offset: Array  # (3,) [m] of the reflector in the platform; (0,) if there is none
+    frame: Array  # (6,) rotation [rad] and position [m], as `Frame.from_vector` takes them
+    effects: tuple[Array, ...]  # parameters of each effect, (k,)
+    mount: Array  # (3,) [rad] rotation of the probe; (0,) if no rotations are measured
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Layout:
         geometry_size: p, number of the mechanism's parameters.
         effect_sizes: cause and number of parameters of each effect, in the order of the chain.
         has_offset: whether the vector holds the reflector's offset.
-        has_mount: whether it holds the turn of a probe on the platform.
+        has_mount: whether it holds the rotation of a probe on the platform.
     """
 
     geometry_size: int
@@ -73,12 +73,12 @@ class Layout:
 
     @cached_property
     def turn(self) -> slice:
-        """Turn of the device's frame."""
+        """Rotation of the device's frame."""
         return _behind(self.offset, _VECTOR)
 
     @cached_property
     def place(self) -> slice:
-        """Place of the device's frame."""
+        """Position of the device's frame."""
         return _behind(self.turn, _VECTOR)
 
     @cached_property
@@ -90,17 +90,17 @@ class Layout:
 
     @cached_property
     def mount(self) -> slice:
-        """Turn of the probe on the platform."""
+        """Rotation of the probe on the platform."""
         return _behind(self.place, _VECTOR * self.has_mount)
 
     @cached_property
     def dimensions(self) -> slice:
-        """Geometry and offset: what is a dimension of the machine."""
+        """Geometry and offset: the dimensions of the machine."""
         return slice(0, self.offset.stop)
 
     @cached_property
     def frame(self) -> slice:
-        """Turn and place of the device's frame."""
+        """Rotation and position of the device's frame."""
         return slice(self.turn.start, self.place.stop)
 
     @cached_property
@@ -115,7 +115,7 @@ class Layout:
 
     @cached_property
     def chain(self) -> Index:
-        """Entries that the chain knows of: all but the probe's mount."""
+        """Indices of the entries that the chain uses: all but the rotation of the probe."""
         return np.delete(np.arange(self.size, dtype=np.int64), entries(self.mount))
 
     @cached_property
@@ -145,7 +145,7 @@ class Layout:
 
     @cached_property
     def mounted(self) -> Layout:
-        """The same layout with the turn of the probe in it."""
+        """The same layout with the rotation of the probe included."""
         return replace(self, has_mount=True)
 
     def mask(self, *parts: slice) -> Mask:
@@ -156,7 +156,7 @@ class Layout:
         return mask
 
     def split(self, theta: Array) -> Parts:
-        """Take a vector (P,) apart."""
+        """Split a vector (P,) into its parts."""
         return Parts(
             theta[self.geometry],
             theta[self.offset],
@@ -166,10 +166,10 @@ class Layout:
         )
 
     def join(self, parts: Parts) -> Array:
-        """Put a vector (P,) together: the inverse of `split`.
+        """Join parts into a vector (P,): the inverse of `split`.
 
         Raises:
-            InputError: a part of another size than this layout has.
+            InputError: a part whose size differs from this layout's.
         """
         every = (parts.geometry, parts.offset, parts.frame, parts.mount, *parts.effects)
         names = ("geometry", "offset", "frame", "mount", *(name for name, _ in self.effect_sizes))
@@ -190,9 +190,9 @@ class Layout:
         mount: Array | None = None,
         effects: Sequence[Array] | None = None,
     ) -> Array:
-        """Derivatives by the parts, each (n, d, size of the part), side by side, (n, d, P).
+        """Join the derivatives by each part, (n, d, size of the part), into one array (n, d, P).
 
-        What is not given does not matter and gets columns of zeros.
+        A part that is not given has no influence and gets columns of zeros.
         """
         by_effect = [None] * len(self.each) if effects is None else effects
         blocks = (geometry, offset, turn, place, mount, *by_effect)
@@ -216,15 +216,15 @@ def length(part: slice) -> int:
 
 
 def vector_names(what: str) -> tuple[str, ...]:
-    """Names of the three numbers of an offset, a turn or a place."""
+    """Names of the three components of an offset, a rotation or a position."""
     return tuple(f"{what}_{axis}" for axis in _AXES)
 
 
 def frame_names(device: str) -> tuple[str, ...]:
-    """Names of the six numbers of a device's frame."""
+    """Names of the six components of a device's frame."""
     return vector_names(f"{device}_turn") + vector_names(f"{device}_place")
 
 
 def _behind(part: slice, size: int) -> slice:
-    """The slice of this many entries behind another."""
+    """The slice of this many entries that follows another slice."""
     return slice(part.stop, part.stop + size)

@@ -1,4 +1,4 @@
-"""Linear algebra on one thread: on small matrices several wait for one another.
+"""Restricts linear algebra to one thread: on small matrices several threads wait for one another.
 
 A fit multiplies matrices of some hundred rows thousands of times. Handed to two threads, a
 product that takes 0.2 ms takes 5 ms as soon as something else wants a core.
@@ -11,16 +11,16 @@ from contextlib import ExitStack, contextmanager
 from functools import cache
 from threading import Lock
 
-import scipy.linalg  # noqa: F401 - so that its library is there to be limited, beside numpy's
+import scipy.linalg  # noqa: F401 - loads its BLAS, so that it can be limited as numpy's is
 from threadpoolctl import ThreadpoolController
 
 _lock, _limit = Lock(), ExitStack()
-_inside = 0  # who holds the limit, which is of the whole process
+_inside = 0  # number of callers that hold the limit, which applies to the whole process
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """The process's linear algebra on one thread, until the last that asked for it is done."""
+    """Run the process's linear algebra on one thread until the last caller has left."""
     global _inside
     with _lock:
         if not _inside:
@@ -37,5 +37,5 @@ def one_thread() -> Iterator[None]:
 
 @cache
 def _libraries() -> ThreadpoolController:
-    """Of linear algebra: looking for them among all that are loaded takes a millisecond."""
+    """Controller of the linear algebra libraries, cached: the search takes a millisecond."""
     return ThreadpoolController()

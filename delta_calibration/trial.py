@@ -1,8 +1,8 @@
-"""How well compensation works on a machine whose truth is known: the figures of the demonstration.
+"""Errors of compensation on a simulated machine, as the demonstration reports them.
 
-Three errors are kept apart. *By the model*: what the search left. *Measured*: what the tracker
-says, noise and repeatability within. *Against the truth*: where the simulated machine really goes,
-which no real cell knows.
+Three errors are distinguished. *By the model*: what the search for the command leaves. *Measured*:
+seen by the tracker, noise and repeatability included. *Against the truth*: the actual position of
+the simulated machine, which is not known in a real cell.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Errors:
-    """Distances between where the tool should be and where it is, over the points of a test."""
+    """Statistics of the distances between target and tool over the points of a test."""
 
     maximum: float  # [m]
     mean: float  # [m]
@@ -35,7 +35,7 @@ class Errors:
 
     @classmethod
     def of(cls, distance: Array) -> Errors:
-        """From distances, (n,) [m]."""
+        """Compute the statistics of distances (n,) [m]."""
         return cls(
             float(distance.max()),
             float(distance.mean()),
@@ -44,7 +44,7 @@ class Errors:
         )
 
     def in_mm(self) -> dict[str, float | int]:
-        """For files."""
+        """The statistics in mm, as written to files."""
         return {
             "max_mm": self.maximum * 1e3,
             "mean_mm": self.mean * 1e3,
@@ -54,7 +54,7 @@ class Errors:
 
 
 def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> Errors:
-    """What the tracker says of the stops, each against the nearest of the targets."""
+    """Measured distances of the stops, each from the nearest target."""
     reached = calibration.tool_points(poses.point, poses.joint)
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
@@ -62,10 +62,10 @@ def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> E
 def true_errors(
     calibration: Calibration, machine: TrueMachine, poses: Poses, targets: Array
 ) -> Errors:
-    """Where the machine really goes at the encoders' angles: no tracker noise, no repeatability.
+    """True distances of the stops at the encoders' angles: no tracker noise, no repeatability.
 
-    Seen through the calibration's own frame and reflector offset, as that is the base that the
-    cell works in.
+    The calibration's own frame and reflector offset are used, as they define the base frame that
+    the cell works in.
     """
     true = machine.reflector_points(poses.conditions)
     reached = calibration.tool_points(true, poses.joint)
@@ -75,9 +75,9 @@ def true_errors(
 def paper_simulation(
     machine: TrueMachine, count: int = 181, seed: int = 0
 ) -> tuple[Errors, Errors]:
-    """The Delta paper's own simulation, its errors known to the model: before and after.
+    """The Delta paper's simulation, in which the model knows the true errors: before and after.
 
-    APSO along the line x = -y, z = -711 mm, |x| <= 450 mm.
+    APSO corrects the line x = -y, z = -711 mm, |x| <= 450 mm.
     """
     line = make_plan("line", machine.robot, count=count, both_sides=False)
 
@@ -93,7 +93,7 @@ def paper_simulation(
 
 
 def _nearest(targets: Array, reached: Array) -> Array:
-    """The target that each reached point means: targets lie farther apart than any error."""
+    """The nearest target of each reached point: targets lie farther apart than any error."""
     distance = np.linalg.norm(reached[:, None] - targets, axis=-1)
     return np.asarray(targets[np.argmin(distance, axis=1)])
 
@@ -101,17 +101,17 @@ def _nearest(targets: Array, reached: Array) -> Array:
 def true_misses(
     calibration: Calibration, machine: TrueMachine, at: Conditions, meant: Array, registered: bool
 ) -> tuple[Array, Array]:
-    """How far the tool truly is from nominal poses, distance (n,) [m] and turn (n,) [rad].
+    """True errors of the tool at nominal poses: distance (n,) [m] and rotation (n,) [rad].
 
-    Of the place only what the joints command counts.
+    Only the coordinates that the joints command count in the distance.
 
     Args:
-        calibration: its frame is the base, and its reflector's place that on the platform.
-        machine: the truth.
-        at: what its drives were told, and when.
+        calibration: supplies the base frame and the reflector's position on the platform.
+        machine: the simulated machine.
+        at: conditions with the commanded joints and the times.
         meant: poses of the nominal robot, (n, k).
-        registered: whether to lay the frame anew, as well as it can be laid on these points:
-            before a calibration there is no other.
+        registered: whether to register the frame anew by the best fit to these points: before a
+            calibration no other frame is known.
     """
     robot, chain = machine.robot, machine.chain
     nominal = robot.commanded

@@ -1,33 +1,35 @@
-"""How far a corrected position may lie from its target, by GUM (JCGM 100:2008).
+"""Uncertainty of a corrected position about its target, by GUM (JCGM 100:2008).
 
 The tool of a compensated machine comes to
 
     p = p(theta) + J_q (e_q + e_g) + e_m
 
-with theta as identified (covariance C), e_q where the joints come to rest (s_q each), e_g the play
-g of each joint that is in no model, one side or the other, and e_m what the model leaves out. Its
-covariance at a place is
+with theta the identified parameters (covariance C), e_q the rest errors of the joints (standard
+deviation s_q each), e_g the backlash of each joint that is in no model, +g or -g, and e_m the
+model discrepancy. The covariance at a place is
 
     V = J C J^T + J_q (s_q^2 + g g) J_q^T + M
 
-The size of M goes as 1 - b + b r^2, with r the distance from the middle of the poses in units of
-their spread: most models miss more towards the edge of the region than in its middle. Errors of a
-model are not always normal. Those of a gear are bounded sines, with lighter tails: the fourth
-moment says how light,
+M is scaled by 1 - b + b r^2, with r the distance from the middle of the poses in units of their
+spread: most models have larger errors towards the edge of the region than in its middle. Errors of
+a model are not always normal. Those of a gear are bounded sines, with lighter tails: the fourth
+moment gives their weight,
 
     Var |e|^2 = 2 tr V^2 + k (tr M)^2
 
-with k = 0 of a normal law, below it of lighter tails and above it of heavier ones. `widen` is by
-how much the 95 % of the poses reach beyond what V and the tracker's noise say. How all of this is
-told by the residuals of a fit: `estimation/positions.py`.
+with k = 0 for a normal distribution, k < 0 for lighter and k > 0 for heavier tails. `widen` is the
+factor by which the 95 % radius of the poses exceeds what V and the tracker's noise predict. All of
+this is estimated from the residuals of a fit in `estimation/positions.py`.
 
-The 95 % radius goes by Student's t in the place of the normal law, as s_q and M are known from few
-poses: degrees of freedom by Welch and Satterthwaite (GUM G.4). Play is no normal error but one of
-two values: the radius is that of the normal laws about all combinations of sides.
+The 95 % radius uses Student's t instead of the normal distribution, as s_q and M are known from
+few poses: degrees of freedom by Welch and Satterthwaite (GUM G.4). Backlash is no normal error but
+takes one of two values: the radius is that of the mixture of normal distributions about all
+combinations of sides.
 
-All in the axes of the base. Between dimensions and the tracker's frame there are strong
-correlations (the base may be moved as a whole): the frame is told as what is left of it with the
-dimensions known, the dimensions with the frame following them. These two add up to J C J^T.
+All quantities are in the axes of the base. Dimensions and the tracker's frame are strongly
+correlated (the base may be moved as a whole): the covariance is therefore split into that of the
+frame given the dimensions, and that of the dimensions with the frame following them. These two add
+up to J C J^T.
 """
 
 from __future__ import annotations
@@ -46,20 +48,20 @@ from delta_calibration.data import Conditions
 Array = NDArray[np.float64]
 
 COVERED = 0.95
-MANY = 1e9  # degrees of freedom that are as good as any number of them
-_HALVINGS = 30  # of the interval in which a radius is searched
+MANY = 1e9  # degrees of freedom that count as infinitely many
+_HALVINGS = 30  # of the interval in which a radius is searched by bisection
 
 
 @dataclass(frozen=True)
 class ModelError:
-    """What a model leaves out, as the residuals of its fit show it; in the base."""
+    """Model discrepancy, estimated from the residuals of a fit; in the base frame."""
 
-    covariance: Array  # (3, 3) [m^2] M, mean of the poses
+    covariance: Array  # (3, 3) [m^2] M, mean over the poses
     middle: Array  # (3,) [m] of the poses
-    shape: Array  # (3, 3) [1/m^2] r^2 = d^T shape d, 1 in the mean of the poses
-    share: float  # b, 0 to 1, of it that grows with r^2
+    shape: Array  # (3, 3) [1/m^2] r^2 = d^T shape d; the mean of r^2 over the poses is 1
+    share: float  # b, 0 to 1, share of M that grows with r^2
     widen: float  # at least 1
-    play: Array  # (m,) [rad or m] each joint is off, by the side it comes from
+    play: Array  # (m,) [rad or m] g of each joint; the sign depends on the side of approach
     doubt: float = 0.0  # [m^2] standard error of M's trace
     kurtosis: float = 0.0  # k: variance of |m|^2 less that of a normal m, over (tr M)^2
 
@@ -68,7 +70,7 @@ class ModelError:
         return np.asarray(self.growth(places)[:, None, None] * self.covariance)
 
     def growth(self, places: Array) -> Array:
-        """M at places (n, 3) [m] over its mean, (n,)."""
+        """Ratio of M at places (n, 3) [m] to its mean, (n,)."""
         way = places - self.middle
         grown = np.einsum("ni,ij,nj->n", way, self.shape, way)
         return np.asarray(1 - self.share + self.share * grown)
@@ -76,45 +78,45 @@ class ModelError:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What makes the positions of an identified machine uncertain."""
+    """Sources of the uncertainty of an identified machine's positions."""
 
     covariance: Array  # (P, P) of theta
-    repeatability: float  # [rad or m] of each joint by repeats and residuals, one sigma
+    repeatability: float  # [rad or m] of each joint, one sigma, from repeats and residuals
     model: ModelError
-    freedom: float = np.inf  # degrees of freedom from which the repeatability is known
+    freedom: float = np.inf  # degrees of freedom of the repeatability
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Contributions to the covariance of positions, (n, 3, 3) [m^2] each, in the base."""
+    """Contributions to the covariance of positions, (n, 3, 3) [m^2] each, in the base frame."""
 
-    frame: Array  # tracker's frame, dimensions known
-    dimensions: Array  # dimensions, reflector and effects, the frame following them
+    frame: Array  # tracker's frame, given the dimensions
+    dimensions: Array  # dimensions, reflector and effects, with the frame following them
     repeatability: Array
-    sided: Array  # (n, 3, m) [m] by play of each joint, by the side it comes from
+    sided: Array  # (n, 3, m) [m] displacement by the backlash of each joint, plus or minus
     model: Array
-    doubt: Array  # (n,) [m^2] standard error of the trace of the whole
-    fourth: Array  # (n,) [m^4] variance of the error squared beyond that of a normal law
+    doubt: Array  # (n,) [m^2] standard error of the trace of the whole covariance
+    fourth: Array  # (n,) [m^4] variance of |e|^2 less that of a normal error
 
     @property
     def play(self) -> Array:
-        """Of play, either side as likely, (n, 3, 3)."""
+        """Covariance of backlash, both sides equally likely, (n, 3, 3) [m^2]."""
         return self.sided @ turned_round(self.sided)
 
     @property
     def fit(self) -> Array:
-        """What the fit leaves open, (n, 3, 3)."""
+        """Covariance due to the identified parameters, (n, 3, 3) [m^2]."""
         return self.frame + self.dimensions
 
     @property
     def whole(self) -> Array:
-        """Of a corrected position, (n, 3, 3)."""
+        """Covariance of a corrected position, (n, 3, 3) [m^2]."""
         return self.fit + self.repeatability + self.play + self.model
 
 
 @dataclass(frozen=True)
 class Identified:
-    """A chain as it was identified, with what makes it uncertain."""
+    """An identified chain with its uncertainty."""
 
     chain: Chain
     theta: Array  # (P,)
@@ -122,10 +124,10 @@ class Identified:
 
     @cached_property
     def machine(self) -> Identified:
-        """The same without what goes on between reflector and reading, or by one session's clock.
+        """The same without effects on the readings and effects bound to one session's clock.
 
-        What such an effect was found to be is uncertain no more for a position; that dimensions
-        were found beside it is in their own covariance.
+        The uncertainty of such an effect does not matter for a position; that it was identified
+        together with the dimensions is already in the covariance of the dimensions.
         """
         chain, layout = self.chain, self.chain.layout
         kept = [
@@ -143,7 +145,7 @@ class Identified:
         )
 
     def parts(self, at: Conditions) -> Parts:
-        """Contributions at these joints and conditions, n of them."""
+        """Contributions to the covariance at n joint vectors and conditions."""
         seen = self.chain.see(at, self.theta)
         turned = self.chain.split(self.theta)[2].rotation
         jacobian, by_joints = turned.T @ seen.jacobian, turned.T @ seen.by_joints
@@ -164,14 +166,14 @@ class Identified:
         )
 
     def radius(self, at: Conditions, stated: Array | float = 0.0) -> Array:
-        """Within how far of the target the tool comes with 95 %, (n,) [m].
+        """Radius about the target that holds the tool with a probability of 95 %, (n,) [m].
 
         Args:
-            at: joints as they are commanded, corrected.
-            stated: covariance of what is uncertain beside, (n, 3, 3) [m^2].
+            at: conditions with the corrected joint commands.
+            stated: covariance of further independent errors, (n, 3, 3) [m^2].
 
         Returns:
-            NaN where the machine cannot stand.
+            The radius; NaN out of reach.
         """
         parts = self.machine.parts(at)
         normal = parts.whole - parts.play + stated
@@ -185,7 +187,7 @@ def turned_round(matrix: Array) -> Array:
 
 
 def _divided(covariance: Array, chain: Chain) -> tuple[Array, Array]:
-    """Covariance of the frame with all else known (6, 6), and of theta without that, (P, P)."""
+    """Covariance of the frame given all other parameters (6, 6), and the rest of C, (P, P)."""
     frame = np.arange(len(covariance))[chain.layout.frame]
     others = np.setdiff1d(np.arange(len(covariance)), frame)
     scale = np.sqrt(np.maximum(np.diag(covariance), np.finfo(float).tiny))
@@ -211,19 +213,19 @@ def radius95(
     doubt: Array | None = None,
     fourth: Array | float = 0.0,
 ) -> Array:
-    """Radius within which an error lies with 95 %, (n,) [m].
+    """Radius within which an error lies with a probability of 95 %, (n,) [m].
 
-    A normal vector's square is a sum of chi squares, weighted with the eigenvalues of its
-    covariance; by a gamma distribution of the same mean and variance, which is exact along a line
-    and for alike axes (Box 1954, Annals of Mathematical Statistics 25, 290-302), and within 2 % of
-    the radius between.
+    The squared length of a normal vector is a sum of chi squares, weighted with the eigenvalues of
+    its covariance. It is approximated by a gamma distribution of the same mean and variance, which
+    is exact along a line and for equal axes (Box 1954, Annals of Mathematical Statistics 25,
+    290-302), and within 2 % of the radius between.
 
     Args:
-        normal: covariances (n, 3, 3) [m^2].
-        sided: what has two values: plus or minus each column of (n, 3, m) [m], all combinations
-            as likely.
+        normal: covariances of the normal errors, (n, 3, 3) [m^2].
+        sided: errors of two values: plus or minus each column of (n, 3, m) [m], all combinations
+            equally likely.
         doubt: standard error of the trace of the covariance, (n,) [m^2].
-        fourth: variance of the error squared less that of a normal law, (n,) [m^4].
+        fourth: variance of |e|^2 less that of a normal error, (n,) [m^4].
     """
     trace = np.trace(normal, axis1=-2, axis2=-1)
     square = half_variance(normal, fourth)
@@ -244,12 +246,12 @@ def radius95(
 
 
 def half_variance(normal: Array, fourth: Array | float) -> Array:
-    """Half of the variance of the square of vectors of covariance (n, 3, 3), (n,)."""
+    """Half the variance of |e|^2 for errors e of covariance (n, 3, 3), (n,) [m^4]."""
     return np.asarray(np.sum(normal * turned_round(normal), axis=(-2, -1)) + fourth / 2)
 
 
 def _about_all_sides(normal: Array, sided: Array, fourth: Array) -> Array:
-    """The radius of the mixture of normal laws about plus or minus each column, (n,)."""
+    """95 % radius of the mixture of normal distributions about plus or minus each column, (n,)."""
     joints = np.flatnonzero(sided.any(axis=(0, 1)))
     sides = np.array([(1.0, *way) for way in product((-1.0, 1.0), repeat=len(joints) - 1)])
     middle = np.einsum("nij,kj->nki", sided[..., joints], sides)

@@ -1,4 +1,4 @@
-"""Numbers and names as people read them, the same everywhere they are shown."""
+"""Formats numbers and names for readers, in the same way in all outputs."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from delta_calibration.effects import called
 
 NO_VALUE = "–"
 _LEAST_P = 1e-300
-_PLAIN = 1e-3, 1e7  # numbers between are written out
-_DATED_NS = 946_684_800_000_000_000  # [ns] the year 2000: who counts from zero has no date
+_PLAIN = 1e-3, 1e7  # numbers between these are written without a power of ten
+_DATED_NS = 946_684_800_000_000_000  # [ns] the year 2000: earlier stamps count from zero, no date
 _MINUTE_NS = 60_000_000_000
 MINUS, _THIN = "\u2212", "\u202f"
 _ASCII = str.maketrans({"\u2212": "-", "\u202f": " ", "\u00a0": " ", "µ": "u"})
-# a reader's unit for each of the code's; the rest is shown as it is
+# unit and factor for readers, by SI unit; other units are shown as they are
 _COMMON = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
-_SMALL_FROM = 1e-3  # [m, rad] below
-_COARSE = 1e-5  # a standard error that is told by its places
+_SMALL_FROM = 1e-3  # [m, rad] values below it are shown in the small units
+_COARSE = 1e-5  # a smaller standard error is shown with a power of ten
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
@@ -33,7 +33,7 @@ def mm(value: float | None) -> str:
 
 
 def figures(value: float, digits: int = 3) -> str:
-    """A number to so many figures: `93 300`, `4.2 × 10⁻⁸`, with a true minus sign."""
+    """A number with `digits` figures: `93 300`, `4.2 × 10⁻⁸`, with a true minus sign."""
     if value == 0:
         return "0"
     rounded = float(f"{value:.{digits}g}")
@@ -45,11 +45,11 @@ def figures(value: float, digits: int = 3) -> str:
 
 
 def reader_unit(unit: str, size: float) -> tuple[float, str]:
-    """What values of an SI unit are multiplied by for a reader, and their unit then.
+    """Factor that converts values of an SI unit for a reader, and the unit after that.
 
     Args:
-        unit: of SI.
-        size: of the values.
+        unit: SI unit of the values.
+        size: typical size of the values.
     """
     of, slash, per = unit.partition("/")
     factor, shown = (_SMALL if abs(size) < _SMALL_FROM else _COMMON).get(of, (1.0, of))
@@ -57,9 +57,9 @@ def reader_unit(unit: str, size: float) -> tuple[float, str]:
 
 
 def measured(value: float, std: float | None, unit: str, size: float | None = None) -> str:
-    """A value of an SI unit with its standard error, in a reader's unit, to figures that hold.
+    """A value with its standard error, in a reader's unit, rounded to its significant figures.
 
-    The unit is that of the value's size, or of a given `size`: that of what stands beside it.
+    The unit suits the size of the value, or `size` if given: that of the value shown next to it.
     """
     factor, shown = reader_unit(unit, value if size is None else size)
     behind = "" if unit == "1" else f" {shown}"
@@ -72,13 +72,13 @@ def measured(value: float, std: float | None, unit: str, size: float | None = No
 
 
 def plain(text: str) -> str:
-    """The same on a console, in ASCII."""
+    """The text in ASCII, for a console."""
     text = _POWER.sub(lambda found: f"e{int(found[1].translate(_LOWERED)):+03d}", text)
     return text.translate(_ASCII).replace("±", "+-")
 
 
 def places_for(uncertainty: float) -> int:
-    """Decimals that a value of this uncertainty carries: to two figures of that."""
+    """Number of decimals of a value, such that its uncertainty has two figures."""
     if not 0.0 < uncertainty < float("inf"):
         return 3
     first = floor(log10(float(f"{uncertainty:.1e}")))  # 0.0996 is 0.10
@@ -86,7 +86,7 @@ def places_for(uncertainty: float) -> int:
 
 
 def rounded(value: float, uncertainty: float, sign: bool = False) -> str:
-    """A value to the figures that its uncertainty leaves it, with a true minus sign."""
+    """A value rounded to two figures of its uncertainty, with a true minus sign."""
     text = f"{value:{'+' if sign else ''},.{places_for(uncertainty)}f}"
     if not any(digit in text for digit in "123456789"):
         text = text.lstrip("+-")
@@ -94,7 +94,7 @@ def rounded(value: float, uncertainty: float, sign: bool = False) -> str:
 
 
 def chance(p: float | None) -> str:
-    """A p value."""
+    """A p value as text."""
     if p is None:
         return NO_VALUE
     if p < _LEAST_P:
@@ -110,7 +110,7 @@ def sure(confidence: float) -> str:
 
 
 def spoken(name: str) -> str:
-    """A cause or part by its fixed name, as words; a cause as its effect says it is called."""
+    """Words for the fixed name of a cause or part; for a cause the name that its effect states."""
     for cause, own in called().items():
         name = re.sub(rf"\b{re.escape(cause)}\b", own, name)
     return " ".join("SMR" if word == "smr" else word for word in name.split("_"))
@@ -125,7 +125,7 @@ def listed(items: Iterable[str]) -> str:
 
 
 def capital(text: str) -> str:
-    """A text that begins with a capital letter."""
+    """The text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 
@@ -135,14 +135,14 @@ def dated(start_ns: int) -> bool:
 
 
 def day(start_ns: int) -> date | None:
-    """The day on which a session began, in UTC; None where its stamps do not tell."""
+    """The day on which a session began, in UTC; None if it has no date or is simulated."""
     if not dated(start_ns) or 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:
         return None
     return datetime.fromtimestamp(start_ns * 1e-9, tz=timezone.utc).date()
 
 
 def moment(start_ns: int) -> str:
-    """When a session began, in UTC, or why its stamps do not tell."""
+    """Date and time when a session began, in UTC, or the reason why there is none."""
     if not dated(start_ns):
         return "without a date"
     if 0 <= start_ns - SIMULATED_NS < _MINUTE_NS:

@@ -1,4 +1,4 @@
-"""The circle test: how round circles are, why not, and what to do first."""
+"""The circle test: circular deviation, the share of each cause in it, and what to repair first."""
 
 from delta_calibration.circle_test.ballbar import Ballbar, diagnose_ballbar, read_ballbar
 from delta_calibration.circle_test.circles import Circle, find_circles, pairs

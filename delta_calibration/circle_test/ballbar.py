@@ -1,4 +1,4 @@
-"""Circles by a telescoping ballbar: its length alone, from a table, against what was commanded."""
+"""Circle test with a telescoping ballbar: reads its lengths and the commands from a table."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ Index = NDArray[np.int64]
 TIME, RADIUS, POINT = "time_s", "radius_mm", ("x_mm", "y_mm", "z_mm")
 _MOST_MM = 1e5
 _MOST_S = 1e9
-_RESTING, _AROUND = 0.1, 0.5  # of the fastest speed within so long [s], under which it stands
-_MOST_READINGS = 360  # of a motion
-_ASTRAY = 0.2  # of the commanded radius, by which a length is one of another circle
+_RESTING, _AROUND = 0.1, 0.5  # at rest below this share of the top speed within this time [s]
+_MOST_READINGS = 360  # of a motion, from twice as many on it is thinned
+_ASTRAY = 0.2  # share of the commanded radius; a length farther off belongs to another circle
 
 
 @dataclass(frozen=True)
 class Ballbar:
-    """A ballbar's lengths on circles, in the order of time."""
+    """A ballbar's lengths on circles, in order of time."""
 
     source: str
-    at: Conditions  # (n) joints as they were commanded
+    at: Conditions  # (n) with the commanded joints
     radius: Array  # (n,) [m]
     path: Index  # (n,) number of the motion
     circles: tuple[Circle, ...]
 
     @property
     def pivot(self) -> Array:
-        """Where the ball on the table nearly is, in the base, (3,) [m]."""
+        """Approximate position of the ball on the table, in the base frame, (3,) [m]."""
         return np.asarray(np.mean([circle.centre for circle in self.circles], axis=0))
 
 
 def read_ballbar(path: Path, robot: Robot) -> Ballbar:
-    """A table of a ballbar: `time_s`, `radius_mm`, and what was commanded.
+    """Read the table of a ballbar: `time_s`, `radius_mm`, and the commands.
 
-    That is a column for each joint by its name [rad, m], or the tool's point in the base (`x_mm`,
-    `y_mm`, `z_mm`). Only circles are taken, each thinned to 360 readings at most.
+    The commands are a column for each joint by its name [rad, m], or the tool point in the base
+    (`x_mm`, `y_mm`, `z_mm`). Only circles are used, each thinned to fewer than 720 readings.
 
     Raises:
         InputError: names file, line, column and value that is wrong, and what is allowed.
-        DataError: no circle in it.
+        DataError: no circle in the table.
     """
     names = robot.joints.names
     head = read_text(path).partition("\n")[0]
@@ -103,13 +103,13 @@ def read_ballbar(path: Path, robot: Robot) -> Ballbar:
 
 
 def diagnose_ballbar(ballbar: Ballbar, robot: Robot, noise: float, seed: int) -> Judgement:
-    """What a ballbar's lengths say of a machine.
+    """Diagnose a machine from a ballbar's lengths.
 
     Args:
         ballbar: circles about one pivot.
-        robot: drawing and priors.
-        noise: of a length [m].
-        seed: of bootstraps.
+        robot: nominal dimensions and priors.
+        noise: standard deviation of a length [m].
+        seed: seed of the bootstraps.
     """
     radius = RadiusMeasured(ballbar.at.joint, ballbar.radius, robot.tool_offset, noise)
     taken = Measured(
@@ -144,7 +144,7 @@ def _points(rows: list[Row], robot: Robot) -> Array:
 
 
 def _motions(time: Array, tool: Array) -> tuple[Index, NDArray[np.bool_]]:
-    """Number of the motion that each belongs to (n,), and whether it moves there (n,)."""
+    """Number of the motion of each sample (n,), and whether the tool moves there (n,)."""
     if len(time) < 3:
         return np.zeros(len(time), dtype=np.int64), np.zeros(len(time), dtype=bool)
     speed = np.linalg.norm(np.gradient(tool, time, axis=0), axis=1)
@@ -156,7 +156,7 @@ def _motions(time: Array, tool: Array) -> tuple[Index, NDArray[np.bool_]]:
 
 
 def _thinned(path: Index, moving: NDArray[np.bool_]) -> Index:
-    """Rows in motion, every so many-th of each motion."""
+    """Rows of the samples in motion, each motion thinned to less than 2 `_MOST_READINGS`."""
     every = [np.flatnonzero((path == number) & moving) for number in np.unique(path)]
     return np.concatenate([rows[:: max(1, len(rows) // _MOST_READINGS)] for rows in every])
 

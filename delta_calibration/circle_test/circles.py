@@ -1,4 +1,4 @@
-"""The circles in a session, found by what the joints were commanded, and how round they are.
+"""Finds the circles in a session from the joint commands, and evaluates their roundness.
 
 The terms are those of ISO 230-4 (circular tests for numerically controlled machine tools), each
 about the centre of the least squares circle of the actual path:
@@ -22,20 +22,20 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_ROUND = 5e-3  # of the radius, by which a commanded path may be off a circle and is one
-_TURN = np.radians(340.0)  # that a circle has to go round
-_GAP = np.radians(20.0)  # without a reading
-_STEADY = 0.1  # of the feed by which it may differ
+_ROUND = 5e-3  # share of the radius by which a commanded path may deviate from a circle
+_TURN = np.radians(340.0)  # least angle of a circle
+_GAP = np.radians(20.0)  # largest angle between two readings
+_STEADY = 0.1  # share of the feed by which it may vary
 _FEWEST = 24  # readings
 _ITERATIONS = 4
-_SQUARE = np.cos(np.radians(5.0))  # a plane this near to that of two axes has their name
+_SQUARE = np.cos(np.radians(5.0))  # a plane within 5 degrees of two axes is named by them
 _GRID = 720  # directions in which the two senses are compared
 _SMALLEST = 1e-3  # [m] radius
 
 
 @dataclass(frozen=True)
 class Circle:
-    """A circle as it was commanded, and the readings on it."""
+    """A commanded circle, and the readings on it."""
 
     rows: Index  # (n,) of the survey's readings in motion
     centre: Array  # (3,) [m] in the base
@@ -46,36 +46,39 @@ class Circle:
 
     @property
     def anticlockwise(self) -> bool:
-        """The sense, looking against the normal, whose largest part is positive."""
+        """Whether the sense is anticlockwise, looking against the normal.
+
+        The largest component of the normal is positive.
+        """
         return bool(self.angle[-1] > self.angle[0])
 
     @property
     def sense(self) -> str:
-        """As ISO 230-4 calls it."""
+        """Name of the sense in ISO 230-4."""
         return "anticlockwise" if self.anticlockwise else "clockwise"
 
     @cached_property
     def normal(self) -> Array:
-        """Of its plane, (3,)."""
+        """Unit normal of its plane, (3,)."""
         return np.cross(*self.axes)
 
     @property
     def plane(self) -> str:
-        """`xy`, `yz`, `zx`; else the plane's normal in words."""
+        """Name of the plane: `xy`, `yz`, `zx`; else its normal in words."""
         k = int(np.argmax(np.abs(self.normal)))
         if self.normal[k] >= _SQUARE:
             return ("yz", "zx", "xy")[k]
         return "normal " + " ".join(f"{v:.2f}" for v in self.normal)
 
     def take(self, kept: NDArray[np.bool_]) -> Circle:
-        """Some of its readings."""
+        """The circle with some of its readings only; `kept` (n,)."""
         return replace(self, rows=self.rows[kept], angle=self.angle[kept])
 
     def radial(self, off: Array) -> Array:
-        """Radius less the nominal one about the least squares centre, (n,) [m].
+        """Actual radius about the least squares centre less the nominal radius, (n,) [m].
 
         Args:
-            off: how far the actual points are from the commanded ones, in the base, (n, 3) [m].
+            off: actual less commanded points, in the base frame, (n, 3) [m].
         """
         return radii(self.points(off)) - self.radius
 
@@ -91,13 +94,13 @@ def circular_deviation(radial: Array) -> float:
 
 
 def circular_hysteresis(one: Circle, off: Array, other: Circle, off_other: Array) -> float:
-    """H of two paths of one circle [m]; both about their common least squares centre.
+    """H of two paths on one circle [m]; both about their common least squares centre.
 
     Args:
-        one: in one sense.
-        off: its actual less its commanded points, (n, 3) [m].
-        other: in the other sense.
-        off_other: the same of it, (k, 3) [m].
+        one: the circle in one sense.
+        off: actual less commanded points of `one`, (n, 3) [m].
+        other: the circle in the other sense.
+        off_other: actual less commanded points of `other`, (k, 3) [m].
     """
     here, there = one.points(off), other.points(off_other)
     centre = _centre(np.concatenate([here, there]))
@@ -112,15 +115,15 @@ def radii(points: Array) -> Array:
 
 
 def find_circles(time: Array, tool: Array, path: Index) -> tuple[Circle, ...]:
-    """The circles among the paths of a session, in the order of time.
+    """Find the circles among the paths of a session, in order of time.
 
-    Of each the steady part is taken, and of that one turn from its middle: the ways up to the
-    feed and down from it are left out.
+    Only the part with steady feed is used, and from its middle at most one turn: acceleration and
+    braking are left out.
 
     Args:
         time: of the readings, (n,) [s].
-        tool: where the nominal machine has its tool at the commanded joints, (n, 3) [m].
-        path: number of the path that each belongs to, (n,).
+        tool: tool points of the nominal machine at the commanded joints, (n, 3) [m].
+        path: number of the path that each reading belongs to, (n,).
     """
     numbers = np.unique(path)
     each = (_circle(time, tool, np.flatnonzero(path == number)) for number in numbers)
@@ -128,7 +131,7 @@ def find_circles(time: Array, tool: Array, path: Index) -> tuple[Circle, ...]:
 
 
 def pairs(circles: Sequence[Circle]) -> Iterator[tuple[int, int]]:
-    """Numbers of circles that are each other's way back, each circle in one pair at most."""
+    """Yield pairs of the same circle in both senses, by number; each circle in at most one."""
     open_ = list(range(len(circles)))
     while open_:
         i = open_.pop(0)
@@ -149,7 +152,7 @@ def _same_way(one: Circle, other: Circle) -> bool:
 
 
 def _circle(time: Array, tool: Array, rows: Index) -> Circle | None:
-    """The circle that a path is, if it is one."""
+    """The circle of a path; None if the path is no circle."""
     if len(rows) < _FEWEST or not np.isfinite(tool[rows]).all():
         return None
     middle = tool[rows].mean(axis=0)
@@ -177,10 +180,10 @@ def _circle(time: Array, tool: Array, rows: Index) -> Circle | None:
 
 
 def _plane(points: Array) -> tuple[Array, float]:
-    """Axes (2, 3) of the plane through points (n, 3), and how far they are off it [m].
+    """Axes (2, 3) of the plane through points (n, 3), and their largest distance from it [m].
 
-    Of a plane of two axes of the base they are nearly these; the largest part of the normal is
-    positive.
+    For a plane near two axes of the base, they are nearly those axes; the largest component of the
+    normal is positive.
     """
     normal = np.linalg.svd(points, full_matrices=False)[2][2]
     k = int(np.argmax(np.abs(normal)))
@@ -193,7 +196,7 @@ def _plane(points: Array) -> tuple[Array, float]:
 
 
 def _centre(points: Array) -> Array:
-    """Of the circle that points (n, 2) lie nearest to, by least squares of the radii, (2,)."""
+    """Centre of the circle through points (n, 2) by least squares of the radii, (2,)."""
     start = np.column_stack([2 * points, np.ones(len(points))])
     centre = np.linalg.lstsq(start, np.sum(points**2, axis=1), rcond=None)[0][:2]
     for _ in range(_ITERATIONS):
@@ -205,7 +208,7 @@ def _centre(points: Array) -> Array:
 
 
 def _polar(points: Array) -> tuple[Array, Array]:
-    """Angles, rising, and radii of points (n, 2)."""
+    """Angles in rising order, and radii, of points (n, 2)."""
     angle = np.arctan2(points[:, 1], points[:, 0])
     order = np.argsort(angle)
     return angle[order], np.linalg.norm(points[order], axis=1)

@@ -1,4 +1,4 @@
-"""Dimensions that are clearly off the drawing, beside those that are findings of their own."""
+"""Selects dimensions that differ significantly from their nominal values and are no findings."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from delta_calibration.diagnosis.verdict import Estimate
 
 Index = NDArray[np.int64]
 
-_CLEAR = 3.0  # standard errors by which one must differ from the drawing to be told
+_CLEAR = 3.0  # standard errors; dimensions that deviate by less are not reported
 
 
 def clear_dimensions(model: Fitted, rows: Index) -> Mapping[str, Estimate]:
-    """How far dimensions are off the drawing, those that are clearly, the clearest first.
+    """Deviations of dimensions from nominal that are significant, the most significant first.
 
     Args:
         model: fitted, with the causes that were found.
-        rows: entries of theta of the dimensions that are asked for.
+        rows: entries of theta of the dimensions to test.
     """
     items = [model.bare.parameters.items[row] for row in rows]
     off = model.theta[rows] - [p.nominal for p in items]

@@ -1,13 +1,13 @@
-"""What each cause takes of the circular deviation, and how round the circles are without it.
+"""Share of each cause in the circular deviation, and the deviation that remains without it.
 
-The path of a reflector, less where the drawing has it at the commanded joints, is a sum,
+The actual path of a reflector, less the nominal path at the commanded joints, is a sum,
 
-    off = following error + [model(all causes) - drawing] + what is left
+    off = following error + [model(all causes) - nominal model] + residual
 
-with the model of the diagnosis. A cause is taken out of that model, and the circles are predicted
-again. As the largest and the smallest radius lie elsewhere then, what is taken away depends on
-what was taken out before: a share is the mean over all orders (the Shapley value of the range), so
-that all shares add up to the whole deviation.
+with the model of the diagnosis. A cause is removed from that model, and the circles are predicted
+again. As the largest and the smallest radius then lie elsewhere, the change depends on the causes
+removed before: a share is the mean over all orders (the Shapley value of the range), so that all
+shares add up to the whole deviation.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ Index = NDArray[np.int64]
 Key = tuple[str, str | None]  # a cause and where it sits
 
 FOLLOWING = "following_error"
-DIMENSIONS = "dimensions"  # beyond those that are findings
+DIMENSIONS = "dimensions"  # all that are not findings
 NOT_EXPLAINED = "not_explained"
 NOISE = "measurement_noise"
 _FOLLOW: Key = (FOLLOWING, None)
-_LEFT: Key = ("left", None)  # what is not explained, and noise
-_LOBES = 12  # a turn, at most, that an undulation is looked for with
-_SPIKE = 6.0  # times what is usually left, from which a reading is an outlier
-_SEEN = 2.0  # times the encoders' variance, from which following errors are told from noise
+_LEFT: Key = ("left", None)  # residual: unexplained errors, and noise
+_LOBES = 12  # largest number of undulations a turn that is searched
+_SPIKE = 6.0  # a reading with a residual of so many times the median is an outlier
+_SEEN = 2.0  # following errors are detected from so many times the encoders' variance
 
 
 @dataclass(frozen=True)
 class Share:
-    """What a cause takes of a circular deviation."""
+    """Share of a cause in a circular deviation."""
 
     cause: str
     location: str | None
@@ -67,36 +67,36 @@ class Share:
 
 @dataclass(frozen=True)
 class Measured:
-    """A circle as it was measured."""
+    """Evaluation of one measured circle."""
 
-    circle: Circle  # of the readings that count
+    circle: Circle  # with the readings that are no outliers
     off: Array  # (n, 3) [m] actual less commanded point, in the base
     radial: Array  # (n,) [m] actual less nominal radius about the least squares centre
     deviation: float  # [m] G
-    hysteresis: float | None  # [m] H, where the way back was measured too
+    hysteresis: float | None  # [m] H, if the circle was measured in both senses
     shares: tuple[Share, ...]  # they add up to G
     without: Mapping[Key, float]  # [m] G without a cause
-    predicted: Array  # (n,) [m] radius less the nominal one, by the extended model
-    moved: Mapping[Key, Array]  # (n,) [m] what the radius loses without a cause
+    predicted: Array  # (n,) [m] radius by the extended model, less the nominal radius
+    moved: Mapping[Key, Array]  # (n,) [m] contribution of a cause to the radius
 
 
 @dataclass(frozen=True)
 class PartError:
-    """What a cause does to a round part."""
+    """Form error of a round part due to one cause."""
 
-    radius: float  # [m] by which radii are too large, in the mean
-    lobes: int  # a turn, of the strongest undulation
+    radius: float  # [m] mean error of the radius, positive if too large
+    lobes: int  # number of waves a turn of the strongest undulation
     height: float  # [m] its amplitude
-    senses: float  # [m] by which the two senses are apart, at most
+    senses: float  # [m] largest radial difference between the two senses
 
 
 @dataclass(frozen=True)
 class CircleTest:
-    """The circles of a session with what is wrong by them."""
+    """Result of a circle test: verdict, circles, and deviating dimensions."""
 
     verdict: Verdict
     circles: tuple[Measured, ...]
-    dimensions: Mapping[str, Estimate]  # clearly off the drawing and no findings, clearest first
+    dimensions: Mapping[str, Estimate]  # significant deviations that are no findings, in order
 
     @property
     def deviation(self) -> float:
@@ -112,18 +112,18 @@ class CircleTest:
         return tuple(sorted(means, key=lambda share: -share.size))
 
     def without(self, cause: str, location: str | None) -> float:
-        """Mean circular deviation with a cause repaired and nothing else done [m]."""
+        """Mean circular deviation if only this cause is repaired [m]."""
         return float(np.mean([m.without[cause, location] for m in self.circles]))
 
     @cached_property
     def first(self) -> Key | None:
-        """The cause after whose repair the circles are roundest; none where none helps."""
+        """The cause whose repair reduces the deviation most; None if no repair reduces it."""
         known = self.circles[0].without
         best = min(known, key=lambda key: self.without(*key), default=None)
         return best if best is not None and self.without(*best) < self.deviation else None
 
     def part_error(self, cause: str, location: str | None) -> PartError:
-        """What a cause does to a round part that is made on these circles."""
+        """Form error by a cause of a round part that is machined on these circles."""
         key = (cause, location)
         waves = np.array([_waves(m.circle.angle, m.moved[key]) for m in self.circles])
         mean = np.sqrt(np.mean(waves[:, 1:] ** 2, axis=0))
@@ -137,13 +137,13 @@ class CircleTest:
         )
 
     def finding(self, cause: str, location: str | None) -> Finding | None:
-        """What the verdict says of a cause; none of dimensions within their tolerances."""
+        """The finding of the verdict for a cause; None if the cause is no finding."""
         every = self.verdict.findings
         return next((f for f in every if (f.cause, f.location) == (cause, location)), None)
 
 
 def circle_test(session: Session, robot: Robot, diagnosis: Diagnosis) -> CircleTest:
-    """The circles of a session that was diagnosed.
+    """Evaluate the circles of a session that was diagnosed.
 
     Raises:
         DataError: no circle among the paths of the session.
@@ -154,7 +154,7 @@ def circle_test(session: Session, robot: Robot, diagnosis: Diagnosis) -> CircleT
 
 
 def ballbar_test(ballbar: Ballbar, robot: Robot, judgement: Judgement) -> CircleTest:
-    """The circles of a ballbar whose lengths were judged by `diagnose_ballbar`."""
+    """Evaluate the circles of a ballbar that was diagnosed by `diagnose_ballbar`."""
     model, findings = judgement.model, judgement.verdict.findings
     parts = _Lengths(model, robot, findings, ballbar)
     measured = _all_measured(ballbar.circles, parts)
@@ -164,13 +164,13 @@ def ballbar_test(ballbar: Ballbar, robot: Robot, judgement: Judgement) -> Circle
 def measured_circles(
     session: Session, robot: Robot, model: Model, findings: Sequence[Finding] = ()
 ) -> tuple[Measured, ...]:
-    """The circles of a session, in the order of time.
+    """Evaluate the circles of a session, in order of time.
 
     Args:
-        session: what was recorded.
-        robot: drawing and noise.
-        model: fitted to the session.
-        findings: causes in it that are to have shares of their own.
+        session: the recorded session.
+        robot: nominal dimensions and noise.
+        model: the model fitted to the session.
+        findings: causes in the model that get shares of their own.
 
     Raises:
         DataError: no circle among the paths of the session.
@@ -199,10 +199,10 @@ def _all_measured(circles: tuple[Circle, ...], parts: _Parts) -> tuple[Measured,
 
 
 class _Parts(ABC):
-    """The parts that the way of the reflector is the sum of, predicted cause by cause."""
+    """Contributions to the reflector's deviation from its nominal path, predicted by cause."""
 
-    following: bool  # whether the drives' following errors are a part
-    begin: int  # of the readings' rows in the evidence
+    following: bool  # whether following errors of the drives are one contribution
+    begin: int  # first row of these readings in the evidence
     repeatability: float  # [rad or m] of the joints
 
     def __init__(
@@ -213,7 +213,7 @@ class _Parts(ABC):
         command: Array,
         offset: Array | None = None,
     ) -> None:
-        """Of samples at joints as read, and as commanded; `offset` (3,) where theta has none."""
+        """Predict for joints as read (`at`) and as commanded; `offset` (3,) if theta has none."""
         self.model, self.at = model, at
         self.chain, self.layout, self.theta = (
             model.extended.chain,
@@ -233,35 +233,35 @@ class _Parts(ABC):
 
     @abstractmethod
     def unseen(self) -> Array:
-        """What was measured less what the extended model predicts, (n, 3) [m]."""
+        """Residual: measured less predicted by the extended model, (n, 3) [m]."""
 
     @abstractmethod
     def root(self, rows: Index) -> Array:
-        """Root of the covariance of some readings, (k, 3, d) [m]."""
+        """Square root of the covariance of some readings, (k, 3, d) [m]."""
 
     @property
     def _believed(self) -> NDArray[np.bool_]:
-        """Readings whose noise the evidence knows, (n,)."""
+        """Mask of the readings that the fit did not set aside, (n,)."""
         return self.model.evidence.believed[self.begin :]
 
     @property
     def kept(self) -> NDArray[np.bool_]:
-        """Readings that are no outliers, (n,).
+        """Mask of the readings that are no outliers, (n,).
 
-        Those just after a joint's turn are left out of a fit; the circle has them.
+        Readings just after a joint reverses are left out of a fit, but kept in the circle.
         """
         off = np.linalg.norm(self.left, axis=1)
         usual = float(np.median(off[self._believed]))
         return np.asarray(self._believed | (off <= _SPIKE * usual))
 
     def causes(self, keys: frozenset[Key]) -> Array:
-        """What these causes move the reflector by, (n, 3) [m] in the base."""
+        """Displacement of the reflector by these causes, (n, 3) [m] in the base frame."""
         if keys not in self._kept:
             self._kept[keys] = self._in_base(self._seen(keys) - self.drawn)
         return self._kept[keys]
 
     def noise(self, circle: Circle) -> float:
-        """Variance of the radii that noise and rest errors make [m^2]."""
+        """Variance of the radii due to noise and rest errors of the joints [m^2]."""
         circle = circle.take(self._believed[circle.rows])
         root = self.frame.rotation.T @ self.root(circle.rows)
         reading = np.sum(_outward(circle, root) ** 2, axis=1)
@@ -274,7 +274,7 @@ class _Parts(ABC):
         return float(reading.mean() + np.sum(resting**2, axis=1).mean())
 
     def _seen(self, keys: frozenset[Key], at: Conditions | None = None) -> Array:
-        """What the tracker reads of a machine with these causes only, (n, 3) [m]."""
+        """Predicted readings of a machine with these causes only, (n, 3) [m]."""
         theta, layout = self.theta.copy(), self.layout
         nominal = np.zeros(len(theta))
         nominal[layout.chain] = self.chain.parameters.nominal
@@ -289,7 +289,7 @@ class _Parts(ABC):
 
 
 class _Readings(_Parts):
-    """Those of a tracker's readings in motion."""
+    """Contributions for a tracker's readings in motion."""
 
     def __init__(
         self, model: Model, robot: Robot, findings: Sequence[Finding], command: Array
@@ -303,16 +303,16 @@ class _Readings(_Parts):
         super().__init__(model, findings, replace(at, joint=joint), command)
 
     def unseen(self) -> Array:
-        """Point by point."""
+        """Residual of each point, (n, 3) [m]."""
         return np.asarray(self.at.reading - self.full)
 
     def root(self, rows: Index) -> Array:
-        """Of points, (k, 3, 3)."""
+        """Square root of the covariance of points, (k, 3, 3) [m]."""
         return np.asarray(np.linalg.inv(self.model.evidence.whiten[rows + self.begin, :3, :3]))
 
 
 class _Lengths(_Parts):
-    """Those of a ballbar's lengths; across the bar nothing is known and nothing is missed."""
+    """Contributions for a ballbar's lengths; across the bar the residual is taken as zero."""
 
     def __init__(
         self, model: Fitted, robot: Robot, findings: Sequence[Finding], ballbar: Ballbar
@@ -323,18 +323,18 @@ class _Lengths(_Parts):
         super().__init__(model, findings, ballbar.at, ballbar.at.joint, robot.tool_offset)
 
     def unseen(self) -> Array:
-        """Along the bar."""
+        """Residual along the bar, (n, 3) [m]."""
         length = np.linalg.norm(self.full, axis=1, keepdims=True)
         return np.asarray((self.radius[:, None] - length) * self.full / length)
 
     def root(self, rows: Index) -> Array:
-        """Of lengths, (k, 3, 1)."""
+        """Square root of the covariance of lengths, along the bar, (k, 3, 1) [m]."""
         along = self.full[rows] / np.linalg.norm(self.full[rows], axis=1, keepdims=True)
         return np.asarray(along[:, :, None] / self.model.evidence.whiten[rows])
 
 
 def _measured(circle: Circle, parts: _Parts) -> Measured:
-    """A circle's deviation, and what of it is whose."""
+    """Evaluate a circle: its deviation, and the share of each cause in it."""
     rows, causes = circle.rows, frozenset(parts.rows)
     follow = frozenset({_FOLLOW} if parts.following else ())
 
@@ -367,7 +367,7 @@ def _measured(circle: Circle, parts: _Parts) -> Measured:
 
 
 def _share(key: Key, whole: frozenset[Key], value: Mapping[frozenset[Key], float]) -> float:
-    """Mean over all orders of what a key adds to those before it: its Shapley value."""
+    """Shapley value of a key: the mean over all orders of its addition to those before it."""
     rest, total = whole - {key}, 0.0
     for before in _subsets(rest):
         weight = 1 / (len(whole) * comb(len(rest), len(before)))
@@ -376,7 +376,7 @@ def _share(key: Key, whole: frozenset[Key], value: Mapping[frozenset[Key], float
 
 
 def _waves(angle: Array, moved: Array) -> Array:
-    """Mean of a radius, and amplitudes of 2, 3, ... waves a turn by least squares [m]."""
+    """Mean radial change, and amplitudes of 2, 3, ... waves a turn by least squares [m]."""
     turns = np.arange(1, _LOBES + 1) * angle[:, None]
     columns = np.column_stack([np.ones(len(angle)), np.cos(turns), np.sin(turns)])
     found = np.linalg.lstsq(columns, moved, rcond=None)[0]
@@ -384,7 +384,7 @@ def _waves(angle: Array, moved: Array) -> Array:
 
 
 def _apart(one: Measured, other: Measured, key: Key) -> float:
-    """How far a cause draws the two senses apart, at most [m]."""
+    """Largest difference of a cause's radial change between the two senses [m]."""
     there = np.argsort(np.mod(other.circle.angle, 2 * np.pi))
     angle, moved = np.mod(other.circle.angle, 2 * np.pi)[there], other.moved[key][there]
     back = np.interp(np.mod(one.circle.angle, 2 * np.pi), angle, moved, period=2 * np.pi)
@@ -401,9 +401,9 @@ def _subsets(keys: frozenset[Key]) -> list[frozenset[Key]]:
 
 
 def _rows_of(model: Fitted, findings: Sequence[Finding]) -> dict[Key, Index]:
-    """Entries of theta that each cause sets, and those of all other dimensions.
+    """Entries of theta that belong to each cause, and those of all other dimensions.
 
-    A finding that the extended model was refused sets nothing: what it does is not explained.
+    A finding that was not accepted into the extended model has none: its part stays unexplained.
     """
     layout, taken = model.layout, np.zeros(len(model.theta), dtype=bool)
     found: dict[Key, Index] = {}
@@ -434,7 +434,7 @@ def _rows_of_one(model: Fitted, finding: Finding) -> Index:
 
 
 def _commanded(session: Session, robot: Robot, start_ns: int, at: Conditions) -> Array:
-    """Joints that were commanded at the readings in motion, (n, m); the encoders' without."""
+    """Commanded joints at the readings in motion, (n, m); encoder joints without a command."""
     stream = session.command
     if stream is None:
         return at.joint
@@ -446,13 +446,13 @@ def _commanded(session: Session, robot: Robot, start_ns: int, at: Conditions) ->
 
 
 def _follows(command: Array, joint: Array, count: Index, robot: Robot) -> bool:
-    """Whether the encoders are farther off the command than their noise."""
+    """Whether the encoders deviate from the command by more than their noise."""
     noise = robot.joints.encoder**2 / count[:, None]
     return bool(((joint - command) ** 2).mean() > _SEEN * noise.mean())
 
 
 def _outward(circle: Circle, columns: Array) -> Array:
-    """What columns (n, 3, k) in the base do to the radius, (n, k)."""
+    """Radial component of columns (n, 3, k) in the base frame, (n, k)."""
     way = np.cos(circle.angle)[:, None] * circle.axes[0]
     way = way + np.sin(circle.angle)[:, None] * circle.axes[1]
     return np.asarray(np.einsum("ni,nik->nk", way, columns))

@@ -1,4 +1,4 @@
-"""A doctor for sessions: mistakes of units, wiring, clocks and frames, found and mended."""
+"""Finds and corrects mistakes in sessions: units, wiring, clocks, frames and files."""
 
 from delta_calibration.doctor.change import Mistake
 from delta_calibration.doctor.check import check, examine, require_sound

@@ -1,7 +1,7 @@
-"""What may have happened to a session on its way here, and how it is undone.
+"""Mistakes in a recorded session, and the changes that undo them.
 
-A hypothesis about a mistake is a `Change`: what the session would be if the mistake were undone.
-It acts on the streams of a session and on its stops alike, as both are sessions.
+A hypothesis about a mistake is a `Change`: it converts the session to what it would be without the
+mistake. It applies to the streams of a session and to its stops alike, as both are sessions.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 COMMAND, STATES, TRACKER, ROBOT_FILE = "joint_command", "joint_states", "tracker", "robot_file"
 JOINTS = (COMMAND, STATES)
-ALTERNATIVE = "this session cannot distinguish it from"  # begins the evidence of such a mistake
+ALTERNATIVE = "this session cannot distinguish it from"  # begins the evidence of an alternative
 
 
 @dataclass(frozen=True)
 class Mistake:
-    """A mistake that was found; `value` is in `unit`, and None where a mistake has no size."""
+    """A mistake that was found; `value` is in `unit`, and None if the mistake has no size."""
 
     mistake: str
     stream: str
@@ -38,28 +38,28 @@ class Mistake:
 
     @property
     def is_alternative(self) -> bool:
-        """Whether it is named beside another that explains the session as well."""
+        """Whether it is an alternative to another mistake that explains the session as well."""
         return self.evidence.startswith(ALTERNATIVE)
 
     def sentence(self) -> str:
-        """For people, in a line."""
+        """The mistake as one sentence for messages."""
         where = f" ({self.part})" if self.part else ""
         return f"{self.mistake} in {self.stream}{where}: {self.evidence}; {self.mend}"
 
 
 @dataclass(frozen=True)
 class Change:
-    """A mistake of one or more streams, undone.
+    """Hypothesis of a mistake in one or more streams, with the function that undoes it.
 
     Attributes:
         mistake: its fixed name.
-        streams: that it is in.
-        undo: the session without it.
-        mend: what mends it by hand, as a phrase.
-        part: of the robot or the stream that it is in.
+        streams: names of the affected streams.
+        undo: returns the session without the mistake.
+        mend: manual remedy, as a phrase.
+        part: affected part of the robot or the stream.
         value: its size in `unit`.
-        robot: robot to use instead, where the robot's file is what is wrong.
-        document: the robot's file as it should be, where a line of it is what is wrong.
+        robot: robot to use instead, if the robot file is wrong.
+        document: corrected robot file, if lines of it are wrong.
     """
 
     mistake: str
@@ -73,7 +73,7 @@ class Change:
     document: Document | None = field(default=None, repr=False)
 
     def found(self, evidence: str) -> tuple[Mistake, ...]:
-        """The mistake, once for each stream that it is in."""
+        """The mistake with its evidence, once for each affected stream."""
         return tuple(
             Mistake(self.mistake, stream, self.part, self.value, self.unit, evidence, self.mend)
             for stream in self.streams
@@ -82,14 +82,14 @@ class Change:
 
 @dataclass(frozen=True)
 class Answer:
-    """Mistakes that explain a session, taken together, and others that explain it as well."""
+    """Mistakes that together explain a session, and alternatives that explain it equally well."""
 
     changes: tuple[Change, ...]
     evidence: str
     others: tuple[Change, ...] = ()
 
     def by(self, mistake: str) -> Answer:
-        """The same with a mistake first that explains the session as well, if it is among them."""
+        """The same answer, but with the named alternative preferred, if there is one."""
         named = [other for other in self.others if other.mistake == mistake]
         if len(self.changes) > 1 or not named:
             return self
@@ -105,7 +105,7 @@ def as_it_is(session: Session) -> Session:
 def of_joints(
     streams: tuple[str, ...], change: Callable[[JointStream], JointStream]
 ) -> Callable[[Session], Session]:
-    """Change joint streams of a session; those that it does not have stay missing."""
+    """Change joint streams of a session; missing streams stay missing."""
 
     def undo(session: Session) -> Session:
         command, states = session.command, session.states
@@ -141,7 +141,7 @@ def of_points(change: Callable[[Array], Array]) -> Callable[[Session], Session]:
 
 
 def rows_of(stream: Any, keep: NDArray[Any]) -> Any:
-    """Some rows of a stream."""
+    """The stream with some of its rows only."""
     each = {k: v[keep] for k, v in vars(stream).items() if isinstance(v, np.ndarray)}
     return replace(stream, **each)
 
@@ -157,7 +157,7 @@ def joint_streams(session: Session) -> tuple[str, ...]:
 
 
 def in_order(session: Session, names: tuple[str, ...]) -> Session:
-    """The session with joints in the robot's order and stamps that rise, each once."""
+    """The session with joints in the robot's order and strictly rising stamps."""
 
     def ordered(stream: JointStream) -> JointStream:
         columns = [stream.names.index(name) for name in names]

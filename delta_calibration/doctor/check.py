@@ -1,4 +1,4 @@
-"""The examination of a session: hypotheses in rounds, the simplest that explains wins."""
+"""Examines a session for mistakes in rounds; the simplest sufficient hypothesis wins."""
 
 from __future__ import annotations
 
@@ -52,10 +52,10 @@ def check(
 
     Args:
         session: as recorded.
-        robot: whose file is held against it.
-        document: that file as it is written, so that its units are looked into as well.
-        source: its name.
-        prefer: mistake to undo where the session does not distinguish it from others.
+        robot: the robot whose file is compared with the session.
+        document: content of that file, so that its units are examined as well.
+        source: name of that file.
+        prefer: mistake to undo if the session does not distinguish it from others.
     """
     named = _named(session, robot)
     if named is not None:
@@ -78,7 +78,7 @@ def require_sound(session: Session, robot: Robot) -> None:
     """Refuse a session with a mistake.
 
     Raises:
-        MistakeError: names all that was found, with the evidence and what mends it.
+        MistakeError: names all mistakes that were found, with evidence and remedy.
     """
     found = check(session, robot).found
     if found:
@@ -86,11 +86,11 @@ def require_sound(session: Session, robot: Robot) -> None:
 
 
 def examine(session: Session, robot_file: str | Path, prefer: str = "") -> Checked:
-    """The same by the name of a robot file, which may not even load for its units.
+    """As `check`, with a robot file, which may be invalid because of wrong units.
 
     Raises:
-        ConfigError: the file is not there or describes no robot, and no other unit of its numbers
-            would make it one that fits the session.
+        ConfigError: the file does not exist or describes no robot, and no other unit of its
+            numbers makes it a robot that fits the session.
     """
     path, document = robot_document(robot_file)
     try:
@@ -123,7 +123,7 @@ def _reason(error: ConfigError, source: str) -> str:
 
 
 def _named(session: Session, robot: Robot) -> Checked | None:
-    """What is wrong where the session does not have the robot's joints; else None."""
+    """Report a wrong robot if the session lacks joints of the robot; else None."""
     streams = [joints_of(session, name) for name in joint_streams(session)]
     wanted = set(robot.joints.names)
     others = [s.names for s in streams if s is not None and not wanted <= set(s.names)]
@@ -137,9 +137,9 @@ def _named(session: Session, robot: Robot) -> Checked | None:
 
 
 def _of_another(checked: Checked, evidence: str, differs: str, recorded: Session) -> Checked:
-    """With a robot's file that is wrong, and the one of the package that fits, if there is.
+    """Add the mistake `wrong_robot`, with the robot of the package that fits, if there is one.
 
-    `recorded` has joints that this robot has not, and the right one may.
+    `recorded` still has the joints that this robot lacks and the right one may have.
     """
     fitting = next(
         (
@@ -169,7 +169,7 @@ def _fits(session: Session, robot: Robot) -> bool:
 
 
 def _in_time(checked: Checked) -> Checked:
-    """Values held by a logger, streams exchanged, clocks."""
+    """Undo exchanged streams, values held by a logger, and clock errors."""
     change = loggers.exchanged(checked.session)
     if change is not None:
         checked = checked.with_(
@@ -182,9 +182,10 @@ def _in_time(checked: Checked) -> Checked:
 
 
 def _placed(checked: Checked, document: Document | None, source: str) -> tuple[Checked, str]:
-    """Units, wiring and frames, by the drawing in its best frame, in rounds.
+    """Undo mistakes of units, wiring and frames in rounds, by the nominal robot in its best frame.
 
-    As it was where the rounds lead nowhere, with what is left unexplained; else that is empty.
+    If the rounds do not explain the session, it is returned unchanged, with a text that describes
+    the unexplained distance; otherwise the text is empty.
     """
     now = checked
     trial = _trial(now, document, source)
@@ -209,7 +210,7 @@ def _trial(checked: Checked, document: Document | None, source: str) -> Trial:
 
 
 def _unexplained(trial: Trial) -> str:
-    """How far the drawing is from the tracker, in words."""
+    """The distance between nominal robot and tracker, in words."""
     left = (
         f"{1e3 * trial.placed.typical:.3g} mm (median) remain between the nominal robot and "
         "the tracker"
@@ -221,7 +222,7 @@ def _unexplained(trial: Trial) -> str:
 
 
 def _within_limits(checked: Checked) -> Checked:
-    """Joints a turn beyond their limits, which the drawing cannot tell."""
+    """Undo whole turns of joints beyond their limits, which forward kinematics cannot show."""
     limits, stops = checked.robot.joints, checked.stops
     if limits.unit != "rad" or checked.robot.model().pulls or stops is None:
         return checked
@@ -242,7 +243,7 @@ def _within_limits(checked: Checked) -> Checked:
 
 
 def _turned(checked: Checked) -> Checked:
-    """Order and sense of the tracker's turns."""
+    """Undo a wrong order or sense of the tracker's rotations."""
     stops = checked.stops
     answer = None if stops is None else turn_answer(stops, checked.robot)
     return checked if answer is None else checked.answered(answer)

@@ -1,4 +1,4 @@
-"""What a session was found to be."""
+"""Result of the examination of a session."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from delta_calibration.robot import Robot
 
 @dataclass(frozen=True)
 class Checked:
-    """What a session was found to be.
+    """Result of the examination of a session.
 
-    `session` and `robot` are without the mistakes, as far as they could be undone, and `document`
-    is the robot's file, where that is what had to be edited; `resolved` is False where something
-    is wrong that no hypothesis explains.
+    `session` and `robot` are corrected, as far as the mistakes could be undone; `document` is the
+    robot file, if that had to be edited; `resolved` is False if a mistake remains that could not
+    be undone.
     """
 
     found: tuple[Mistake, ...]
@@ -27,15 +27,15 @@ class Checked:
     resolved: bool = True
     notes: tuple[str, ...] = ()
     document: Document | None = None
-    prefer: str = ""  # mistake to undo, of several that explain a session as well
+    prefer: str = ""  # mistake to undo among several that explain the session equally well
 
     @cached_property
     def stops(self) -> Session | None:
-        """Where the machine stood, its joints in the robot's order; None where that is too few."""
+        """Stops of the session, with joints in the robot's order; None if there are too few."""
         return stops_of(in_order(self.session, self.robot.joints.names))
 
     def with_(self, change: Change, evidence: str) -> Checked:
-        """With a mistake more, undone."""
+        """Add one more mistake and undo it."""
         return replace(
             self,
             found=(*self.found, *change.found(evidence)),
@@ -45,7 +45,7 @@ class Checked:
         )
 
     def answered(self, answer: Answer) -> Checked:
-        """With mistakes that explain it, undone, and named others that explain it as well."""
+        """Add and undo the mistakes of an answer, and name its alternatives."""
         checked, answer = self, answer.by(self.prefer)
         for change in answer.changes:
             checked = checked.with_(change, answer.evidence)
@@ -57,5 +57,5 @@ class Checked:
         return checked
 
     def as_dict(self) -> dict[str, object]:
-        """As `check.json` has it."""
+        """The result as plain data, in the form of `check.json`."""
         return {"schema": 1, "found": [dict(vars(mistake)) for mistake in self.found]}

@@ -1,6 +1,7 @@
-"""When the streams move, and clocks that differ.
+"""Finds clock offset and drift between streams by the times at which they move.
 
-None of this asks what machine it is: one that moves, moves in all of its streams at the same time.
+No model of the machine is needed: a machine that moves, moves in all of its streams at the same
+time.
 """
 
 from __future__ import annotations
@@ -33,17 +34,17 @@ Stamps = NDArray[np.int64]
 Line = tuple[float, float, float]  # offset [s], rate, spread [s]
 
 _BIN = 0.05  # [s]
-_LATEST = 60.0  # [s] by which clocks that overlap are sought to differ
-_WINDOW = 25.0  # [s] over which a clock's drift does not matter
-_WINDOWS = 16, 4  # most and fewest
+_LATEST = 60.0  # [s] largest searched offset of clocks that overlap
+_WINDOW = 25.0  # [s] usual length of a window; the drift of a clock within it is negligible
+_WINDOWS = 16, 4  # largest and smallest number of windows
 _RATES = tuple(k * 4e-3 for n in range(1, 9) for k in (n, -n))
 _FASTEST = 0.05  # [s/s] of any clock
 _SHORTEST = 4.0  # [s] of a window
-_AGREE = 0.12  # [s] of windows about their line
-_MOST = 0.6  # share of the windows that must
-_SURE = 0.6  # correlation of the motions, clocks put right
-_CLEAR = 0.35  # correlation of a window's best lag
-# [s] what is under this is latency, which a machine may have and `diagnose` names
+_AGREE = 0.12  # [s] largest distance of a window's lag from the fitted line
+_MOST = 0.6  # share of the windows that must agree with the line
+_SURE = 0.6  # least correlation of the motions after correction of the clock
+_CLEAR = 0.35  # least correlation at a window's best lag
+# [s] a smaller offset is latency, which a machine may have and `diagnose` names
 _LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
 _DRIFTED = 0.12  # [s] over the session
 _LEAST_STEPS = 30
@@ -51,40 +52,40 @@ _LEAST_STEPS = 30
 
 @dataclass(frozen=True)
 class Motion:
-    """How fast a stream goes, as a share of its fast moves, over bins of time."""
+    """Speed of a stream over bins of time, relative to its fast moves."""
 
-    start: float  # [s] of the first bin
+    start: float  # [s] beginning of the first bin
     speed: Array  # (bins,)
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Time of a stream less that of another: offset + rate (t - begin)."""
+    """Clock of a stream relative to a reference: its time is late by offset + rate (t - begin)."""
 
     offset: float  # [s]
     rate: float  # [s/s]
     begin: float  # [s]
     duration: float  # [s]
-    likeness: float  # correlation of the motions, clocks put right
-    before: float  # the same as recorded
-    spread: float  # [s] of the windows about the line
+    likeness: float  # correlation of the motions after correction of the clock
+    before: float  # correlation of the motions as recorded
+    spread: float  # [s] standard error of the line through the windows' lags
 
     @property
     def drifted(self) -> float:
-        """Over the session [s]."""
+        """Drift over the session [s]."""
         return self.rate * self.duration
 
     def late(self, time: Array) -> Array:
-        """How late the stream's own stamps (n,) [s] are [s]."""
+        """Lateness of stamps (n,) [s] of the stream's own clock, (n,) [s]."""
         true = (time - self.offset + self.rate * self.begin) / (1 + self.rate)
         return np.asarray(time - true)
 
 
 def clocks(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
-    """Clocks of the streams against each other, put right.
+    """Find clock errors between the streams and correct them.
 
-    The tracker's is held against that of the joints that a fit uses; of two joint streams, the
-    one that goes with the tracker is right.
+    The tracker's clock is compared with that of the joints that a fit uses; of two joint streams
+    that differ, the one that agrees with the tracker is right.
     """
     tracker, names = session.tracker, joint_streams(session)
     if tracker is None or not names:
@@ -106,9 +107,10 @@ def clocks(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
 
 
 def _wrong(late: dict[str, Clock | None]) -> dict[str, Clock]:
-    """Streams whose clocks are wrong, from how late each joint stream is against the tracker.
+    """Streams with wrong clocks, from the lateness of each joint stream against the tracker.
 
-    The tracker's where the joints agree with each other; then the others are looked at again.
+    It is the tracker's clock if the joint streams agree with each other; `clocks` then compares
+    the corrected streams again.
     """
     main = STATES if STATES in late else COMMAND
     own, command = late[main], late.get(COMMAND)
@@ -123,7 +125,7 @@ def _wrong(late: dict[str, Clock | None]) -> dict[str, Clock]:
 
 
 def _agree(one: Clock, other: Clock) -> bool:
-    """Whether two clocks differ by no more than joints lag behind their command."""
+    """Whether two clocks differ by no more than the usual lag of joints behind their command."""
     begin, end = one.offset - other.offset, one.drifted - other.drifted
     return max(abs(begin), abs(begin + end)) <= _LATENCY[COMMAND]
 
@@ -158,7 +160,7 @@ def _told(name: str, clock: Clock) -> Iterator[Mistake]:
 
 
 def _shifted(name: str, clock: Clock) -> Callable[[Session], Session]:
-    """Put the stamps of a stream right."""
+    """Function that corrects the stamps of one stream."""
 
     def stamps(stamp_ns: Stamps) -> Stamps:
         late = clock.late(np.asarray(stamp_ns * 1e-9))
@@ -170,7 +172,7 @@ def _shifted(name: str, clock: Clock) -> Callable[[Session], Session]:
 
 
 def _is_off(clock: Clock, name: str) -> bool:
-    """Whether a clock is off by more than a latency."""
+    """Whether a clock has an offset larger than a latency, or drifts."""
     sure = 4 * clock.spread
     return (
         abs(clock.offset) > max(_LATENCY[name], sure) and abs(clock.drifted) <= _DRIFTED
@@ -178,14 +180,14 @@ def _is_off(clock: Clock, name: str) -> bool:
 
 
 def _reversed(clock: Clock) -> Clock:
-    """The clock of the other stream against this one."""
+    """The inverse relation: the clock of the reference relative to this stream."""
     rate = -clock.rate / (1 + clock.rate)
     begin = clock.begin + clock.offset
     return replace(clock, offset=-clock.offset, rate=rate, begin=begin)
 
 
 def _motion(stream: JointStream | TrackerStream | None) -> Motion | None:
-    """None where a stream holds one message a stop, or hardly moves."""
+    """Motion of a stream; None if it holds one message per stop, or hardly moves."""
     if stream is None or len(stream.stamp_ns) < _LEAST_STEPS:
         return None
     first = int(stream.stamp_ns[0])
@@ -209,7 +211,7 @@ def _motion(stream: JointStream | TrackerStream | None) -> Motion | None:
 
 
 def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
-    """How late another stream is against the reference; None where they do not agree."""
+    """Clock of another stream relative to the reference; None if their motions do not match."""
     if reference is None or other is None:
         return None
     shift = other.start - reference.start
@@ -226,7 +228,7 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
 
 
 def _lines(reference: Motion, other: Motion, shift: float, width: int) -> Iterator[Line]:
-    """First guesses: clocks that nearly agree, that run apart, that are of another epoch."""
+    """Yield first guesses: clocks that nearly agree, that drift, that have another epoch."""
     line = _line(*_windows(reference, other, shift, width, (0.0, 0.0, 0.0), _LATEST))
     if line is not None:
         yield line
@@ -240,10 +242,10 @@ def _lines(reference: Motion, other: Motion, shift: float, width: int) -> Iterat
 
 
 def _clock(reference: Motion, other: Motion, width: int, guess: Line) -> Clock | None:
-    """The clock near a guess."""
+    """Refine a guess of the clock; None if the windows do not agree."""
     line = guess
     for _ in range(2):
-        # put right by the guess, so that a clock that runs apart does not smear its windows
+        # corrected by the guess, so that the drift does not blur the correlation in a window
         put = _warped(other, line[0], line[1], reference.start)
         at, lag = _windows(reference, put, put.start - reference.start, width, (0.0,) * 3, 1.0)
         more = _line(at, lag)
@@ -260,13 +262,13 @@ def _clock(reference: Motion, other: Motion, width: int, guess: Line) -> Clock |
 
 
 def _after(first: Line, second: Line) -> Line:
-    """A clock, and one that is left when it is put right."""
+    """Combine a clock with the error that remains after its correction."""
     offset = first[0] + (1 + first[1]) * second[0]
     return offset, (1 + first[1]) * (1 + second[1]) - 1, second[2]
 
 
 def _fast(reference: Motion, other: Motion, width: int) -> Line | None:
-    """Offset and rate of a clock so wrong that a window smears it; None where none fits."""
+    """Offset and rate of a clock whose drift blurs a window; None if no rate fits."""
     best: tuple[int, Line] | None = None
     for rate in _RATES:
         put = _warped(other, 0.0, rate, reference.start)
@@ -303,7 +305,10 @@ def _windows(
 def _lag(
     one: Array, other: Array, shift: float, near: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """Lag [s] of `other`, which begins `shift` [s] later, at the best correlation, and that."""
+    """Lag [s] of `other`, which begins `shift` [s] later, and the correlation at that lag.
+
+    It is the lag of highest correlation, searched within `near` (centre, reach) [s] if given.
+    """
     a, other = one - one.mean(), other - other.mean()
     if near is not None:
         reached = _reached(near, shift, len(a))
@@ -333,21 +338,21 @@ def _lag(
 
 
 def _reached(near: tuple[float, float], shift: float, width: int) -> slice:
-    """Bins of a stream, beginning `shift` [s] later, that a window meets at lags near one."""
+    """Bins of a stream, beginning `shift` [s] later, that overlap a window at lags `near`."""
     first = math.floor((near[0] - near[1] - shift) / _BIN) - 1
     last = math.ceil((near[0] + near[1] - shift) / _BIN) + 1 + width
     return slice(max(first, 0), max(last, 0))
 
 
 def _correlated(long: Array, short: Array) -> Array:
-    """Sums of products of both at every shift, the first where they barely touch."""
+    """Cross-correlation of both at every shift, from the first at which they overlap."""
     size = len(long) + len(short) - 1
     fast = next_fast_len(size, real=True)
     return np.asarray(irfft(rfft(long, fast) * rfft(short[::-1], fast), fast)[:size])
 
 
 def _line(at: Array, lag: Array) -> Line | None:
-    """Offset [s], rate and spread [s] of the windows' lags; None where they do not agree."""
+    """Robust line through the windows' lags: offset [s], rate, standard error [s]; else None."""
     if len(at) < _WINDOWS[1] - 1:
         return None
     apart = at[:, None] - at
@@ -370,7 +375,7 @@ def _line(at: Array, lag: Array) -> Line | None:
 
 
 def _warped(other: Motion, offset: float, rate: float, begin: float) -> Motion:
-    """The motion by the reference's clock."""
+    """The motion on the time axis of the reference's clock."""
     time = other.start + (np.arange(len(other.speed)) + 0.5) * _BIN
     true = begin + (time - begin - offset) / (1 + rate)
     grid = np.arange(true[0], true[-1], _BIN)
@@ -378,7 +383,7 @@ def _warped(other: Motion, offset: float, rate: float, begin: float) -> Motion:
 
 
 def _likeness(one: Motion, other: Motion) -> float:
-    """Correlation of two motions as their stamps have them; 0 where they do not overlap."""
+    """Correlation of two motions by their stamps; 0 if they do not overlap."""
     time, of = (m.start + (np.arange(len(m.speed)) + 0.5) * _BIN for m in (one, other))
     speed = np.interp(time, of, other.speed, left=0.0, right=0.0)
     spread = float(one.speed.std() * speed.std())

@@ -1,6 +1,6 @@
-"""Mistakes in units, wiring and axes, as changes that undo them.
+"""Hypotheses of mistakes in units, wiring and axes, as changes that undo them.
 
-All of them are transformations of the rows of a stream that need no parameter, or one.
+Each transforms the rows of a stream, with one parameter or none.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 DEGREES = 180 / np.pi
-LENGTHS = (("unit_mm", "mm", 1e3), ("unit_inch", "inch", 1 / 25.4e-3))  # values of a metre
+LENGTHS = (("unit_mm", "mm", 1e3), ("unit_inch", "inch", 1 / 25.4e-3))  # last: units per metre
 AXES = "xyz"
 
 
 def unit_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
-    """All joints of some streams in a unit that is not SI."""
+    """All joints of some streams were recorded in a unit that is not SI."""
     turning = robot.joints.unit == "rad"
     for mistake, unit, factor in (("unit_degrees", "deg", DEGREES),) if turning else LENGTHS:
         yield Change(
@@ -46,19 +46,19 @@ def unit_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
 
 
 def unit_of_tracker() -> Iterator[Change]:
-    """The tracker's points in a unit that is not SI."""
+    """The tracker's points were recorded in a unit that is not SI."""
     yield from _unit_of_points((0, 1, 2), "the position", None)
 
 
 def unit_of_coordinates() -> Iterator[Change]:
-    """One or two coordinates of the points in a unit that is not SI: heights in mm beside m."""
+    """One or two coordinates of the points have another unit, such as heights in mm beside m."""
     for which in (*combinations(range(3), 1), *combinations(range(3), 2)):
         part = ", ".join(AXES[k] for k in which)
         yield from _unit_of_points(which, f"{part} of the position", part)
 
 
 def _unit_of_points(which: tuple[int, ...], said: str, part: str | None) -> Iterator[Change]:
-    """Some coordinates of the tracker's points in a unit that is not SI."""
+    """Some coordinates of the tracker's points were recorded in a unit that is not SI."""
     for mistake, unit, factor in LENGTHS:
         by = np.ones(3)
         by[list(which)] = factor
@@ -75,7 +75,7 @@ def _unit_of_points(which: tuple[int, ...], said: str, part: str | None) -> Iter
 
 
 def orders_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
-    """Two joints in each other's place, or all of them backwards."""
+    """Two joints were exchanged, or the order of all of them reversed."""
     names = robot.joints.names
     for a, b in combinations(range(len(names)), 2):
         order = list(range(len(names)))
@@ -86,7 +86,7 @@ def orders_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]
 
 
 def swapped(robot: Robot, streams: tuple[str, ...], order: tuple[int, ...]) -> Change:
-    """Joints in one another's place: joint j is what is called joint order[j]."""
+    """Joints were permuted: the values of joint j were recorded as joint order[j]."""
     names = robot.joints.names
     moved = [k for k in range(len(names)) if order[k] != k]
     lines = ", ".join(f"the values of {names[k]} are recorded as {names[order[k]]}" for k in moved)
@@ -101,7 +101,7 @@ def swapped(robot: Robot, streams: tuple[str, ...], order: tuple[int, ...]) -> C
 
 
 def signs_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
-    """One joint of the other sign, or all."""
+    """One joint, or all joints, were recorded with the opposite sign."""
     names = robot.joints.names
     for joint in range(len(names)):
         yield reversed_joints(robot, streams, (joint,))
@@ -109,7 +109,7 @@ def signs_of_joints(robot: Robot, streams: tuple[str, ...]) -> Iterator[Change]:
 
 
 def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ...]) -> Change:
-    """Some joints of the other sign."""
+    """Some joints were recorded with the opposite sign."""
     names = robot.joints.names
     sign = np.ones(len(names))
     sign[list(which)] = -1.0
@@ -126,14 +126,14 @@ def reversed_joints(robot: Robot, streams: tuple[str, ...], which: tuple[int, ..
 
 
 def offset_joint(robot: Robot, streams: tuple[str, ...], joint: int, value: float) -> Change:
-    """A joint that counts from another zero: recorded less true is `value` [rad, m]."""
+    """A joint has a wrong zero: recorded less true is `value` [rad or m]."""
     return offset_joints(robot, streams, (joint,), value)
 
 
 def offset_joints(
     robot: Robot, streams: tuple[str, ...], which: tuple[int, ...], value: float
 ) -> Change:
-    """Joints that count from one other zero: recorded less true is `value` [rad, m] for each."""
+    """Joints have the same wrong zero: recorded less true is `value` [rad or m] for each."""
     unit, (key, factor) = robot.joints.unit, _zeros(robot)
     shift = np.zeros(len(robot.joints.names))
     shift[list(which)] = value
@@ -152,9 +152,10 @@ def offset_joints(
 
 
 def opposite(robot: Robot, streams: tuple[str, ...], value: float) -> tuple[Change, Change]:
-    """All joints of the other sign that read `value` [rad, m] where they should read 0.
+    """All joints have the opposite sign, and read `value` [rad or m] where they should read 0.
 
-    Undone one after the other: what is recorded is `value` less what is true.
+    The recorded value is `value` less the true one. To undo it, subtract the offset, the second of
+    the changes, then reverse the sign, the first.
     """
     every = tuple(range(len(robot.joints.names)))
     shifted = offset_joints(robot, streams, every, value)
@@ -169,13 +170,13 @@ def opposite(robot: Robot, streams: tuple[str, ...], value: float) -> tuple[Chan
 
 
 def _zeros(robot: Robot) -> tuple[str, float]:
-    """The entry of a robot file for zeros, and how many of its unit make one of SI."""
+    """Key of the zeros in a robot file, and the factor from SI to its unit."""
     key = "joints.zero_deg" if robot.joints.unit == "rad" else "joints.zero_mm"
     return key, robot.joints.shown[1]
 
 
 def turns_in(robot: Robot, value: float) -> int:
-    """Whole turns that an offset is, 0 where it is none."""
+    """Number of whole turns of an offset [rad]; 0 if it is not close to a whole number."""
     if robot.joints.unit != "rad":
         return 0
     turns = round(value / (2 * np.pi))
@@ -183,10 +184,10 @@ def turns_in(robot: Robot, value: float) -> int:
 
 
 def handedness() -> Iterator[Change]:
-    """The tracker's frame left-handed: an axis of the other sign, or two axes swapped.
+    """The tracker's frame is left-handed: one axis has the opposite sign, or two are swapped.
 
-    All of them fit points alike, as the tracker's frame is free; turns and an upright tracker tell
-    them apart.
+    All of these fit points equally well, as the tracker's frame is free; only rotations or an
+    upright tracker distinguish them.
     """
     for axis in (1, 0, 2):
         matrix = np.eye(3)
@@ -200,7 +201,7 @@ def handedness() -> Iterator[Change]:
 
 
 def cyclic_axes() -> Iterator[Change]:
-    """Axes of the tracker's points exchanged in a circle: a turn, which shows in poses only."""
+    """The axes of the points were permuted cyclically: a rotation, visible only in 6-D poses."""
     for order in ([1, 2, 0], [2, 0, 1]):
         said = ", ".join(AXES[k] for k in order)
         yield _axes("axes_swapped", "x, y, z", np.eye(3)[order], f"use {said} as x, y, z")
@@ -217,7 +218,7 @@ def _axes(mistake: str, part: str, matrix: Array, how: str) -> Change:
 
 
 def rotation_orders() -> Iterator[Change]:
-    """Quaternions and angles in another order, turns of the other sense."""
+    """Quaternions or angles were recorded in another order, or rotations are inverted."""
     yield _turns("w, x, y, z", lambda q: q[:, [1, 2, 3, 0]], "the quaternion is w, x, y, z")
     yield _turns("z, w order", lambda q: q[:, [3, 0, 1, 2]], "the quaternion was reordered twice")
     yield _turns("inverse", lambda q: q * [-1, -1, -1, 1], "the rotation is the inverse one")
@@ -251,9 +252,10 @@ def _turns(part: str, undo: Callable[[Array], Array], said: str) -> Change:
 
 
 def _reordered(quaternion: Array, true: str, read: str, other: bool) -> Array:
-    """Turns whose angles about x, y, z were put together in one order and are of another.
+    """Rotations whose Euler angles were combined in the order `read` instead of `true`.
 
-    Of the two sets of angles that make a turn, the `other` has its second beyond 90 degrees.
+    Two sets of angles give the same rotation; in the `other` one the second angle exceeds 90
+    degrees.
     """
     angles = Rotation.from_quat(quaternion).as_euler(read)
     if other:

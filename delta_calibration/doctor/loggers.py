@@ -1,6 +1,6 @@
-"""What a logger did: values held or interpolated, command and state in exchanged places.
+"""Finds mistakes of a logger: values held or interpolated, command and state exchanged.
 
-A reading has noise of its own, and so has an encoder; a command has none.
+Each tracker reading and each encoder value has its own noise; a command has none.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from delta_calibration.doctor.change import (
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-_REGULAR = 0.7  # share of the runs that are of the usual length
-_EXACT = 1e-5  # of the usual bend of what was really read; noise of a reading is far more
+_REGULAR = 0.7  # least share of the runs that have the usual length
+_EXACT = 1e-5  # of the usual curvature of measured values; measurement noise is far larger
 _LEAST_STEPS = 30
 
 
 def held(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
-    """Streams whose values a logger held or interpolated, by their own rows."""
+    """Find streams whose values a logger held or interpolated, and remove those rows."""
     found: list[Mistake] = []
     for name in (STATES, TRACKER):
         stream = session.tracker if name == TRACKER else session.states
@@ -63,23 +63,23 @@ def held(session: Session) -> tuple[Session, tuple[Mistake, ...]]:
 
 
 def _kept(name: str, rows: NDArray[np.bool_]) -> Callable[[Session], Session]:
-    """Keep some rows of a stream."""
+    """Function that keeps only some rows of a stream."""
     if name == TRACKER:
         return of_tracker(lambda s: rows_of(s, rows))
     return of_joints((name,), lambda s: rows_of(s, rows))
 
 
 def _repeats(_stamps: Stamps, position: Array) -> NDArray[np.bool_] | None:
-    """Rows that are new, (n,), where values come in runs of one length; else None.
+    """Mask of the rows with new values, (n,), if values repeat in runs of one length; else None.
 
-    A machine that stands repeats its values too, but moves in between, row by row.
+    A machine at rest repeats its values too, but between stops its values change in every row.
     """
     new = np.r_[True, (np.diff(position, axis=0) != 0).any(axis=1)]
     return new if _in_runs(new) else None
 
 
 def _on_lines(stamps: Stamps, position: Array) -> NDArray[np.bool_] | None:
-    """Rows that are not exactly on the line of their neighbours, where they come in runs."""
+    """Mask of the rows not exactly on the line of their neighbours, if in runs; else None."""
     time = (stamps - stamps[0]) * 1e-9
     if len(np.unique(stamps)) < len(stamps):
         return None
@@ -92,7 +92,7 @@ def _on_lines(stamps: Stamps, position: Array) -> NDArray[np.bool_] | None:
 
 
 def _in_runs(new: NDArray[np.bool_]) -> bool:
-    """Whether what is new comes every so many rows, two or more."""
+    """Whether new values come at a regular interval of two or more rows."""
     runs = np.diff(np.flatnonzero(new))
     if len(runs) < _LEAST_STEPS:
         return False
@@ -101,13 +101,13 @@ def _in_runs(new: NDArray[np.bool_]) -> bool:
 
 
 def _has_noise(position: Array, real: NDArray[np.bool_]) -> bool:
-    """Whether what was really measured has noise, so that a straight line is no motion law."""
+    """Whether measured values have noise, so that a straight line is not just the motion."""
     steps = np.abs(np.diff(position[real], axis=0)).max(axis=1)
     return bool((steps > 0).mean() > 0.9)
 
 
 def exchanged(session: Session) -> Change | None:
-    """Command and state in each other's place: the command has the noise."""
+    """Hypothesis that command and state were exchanged, if it is the command that has noise."""
     command, states = session.command, session.states
     if command is None or states is None or len(states.stamp_ns) < _LEAST_STEPS:
         return None
@@ -129,5 +129,5 @@ def exchanged(session: Session) -> Change | None:
 
 
 def _still_share(stream: JointStream) -> float:
-    """Share of the steps in which nothing changes at all."""
+    """Share of the time steps in which no joint changes."""
     return float((np.diff(stream.position, axis=0) == 0).all(axis=1).mean())

@@ -1,4 +1,4 @@
-"""A tracker that was moved in mid-session, a reflector that was changed."""
+"""Hypotheses that the tracker was moved, or the reflector changed, during a session."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _ROUNDS = 3
 
 @dataclass(frozen=True)
 class Move(Change):
-    """A change of station or reflector at a time; `moved` is how the tracker's points move."""
+    """A change of station or reflector at a time; `moved` moves the tracker's points."""
 
     at: int = 0  # [ns]
     moved: Frame = field(default_factory=Frame.identity)
@@ -31,7 +31,7 @@ class Move(Change):
 
 
 def roughly(stops: Session, robot: Robot) -> tuple[Move, ...]:
-    """The likeliest move of the tracker and change of reflector, by the drawing in its frames."""
+    """Likeliest move of the tracker and likeliest change of reflector, by the nominal robot."""
     placed = place(stops, robot)
     tracker = stops.tracker
     if tracker is None or len(placed.pose) < _LEAST:
@@ -50,7 +50,7 @@ Rows = tuple[Array, Array, NDArray[np.int64]]  # poses, points, stamps of the st
 
 
 def _moved_roughly(stops: Session, robot: Robot, placed: Placed, rows: Rows) -> Move:
-    """Two frames, and one reflector on the platform."""
+    """Likeliest move of the tracker: two frames, one reflector on the platform."""
     pose, point, stamps = rows
     model = robot.model()
     centre, turned = model.position(pose), model.rotation(pose)
@@ -78,7 +78,7 @@ def _moved_roughly(stops: Session, robot: Robot, placed: Placed, rows: Rows) -> 
 def _better_offset(
     frames: tuple[Frame, Frame], turned: Array, predicted: Array, left: Array, k: int, robot: Robot
 ) -> Array:
-    """Step of the reflector's place (3,) [m], both frames being free to follow."""
+    """Correction of the reflector's offset (3,) [m], with both frames free."""
     n = len(left)
     columns = np.zeros((n, 3, 15))
     for part, own, frame in ((slice(0, k), 0, frames[0]), (slice(k, n), 6, frames[1])):
@@ -93,12 +93,12 @@ def _better_offset(
 
 
 def _changed_roughly(stops: Session, robot: Robot, rows: Rows) -> Move:
-    """With the frame of one part, the other's reflector is a linear problem."""
+    """Likeliest change of reflector: linear in the offset, given the frame of the other part."""
     pose, point, stamps = rows
     model = robot.model()
 
     def apart(k: int) -> tuple[float, Array, Frame]:
-        """By either reflector as the file's own; the better."""
+        """Try the first and the second reflector as the file's own; return the better fit."""
         return min((by(k, first) for first in (True, False)), key=lambda found: found[0])
 
     def by(k: int, first: bool) -> tuple[float, Array, Frame]:
@@ -135,7 +135,7 @@ def _frame(base: Array, point: Array) -> Frame:
 
 
 def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move:
-    """The tracker moved at a time [ns]: behind it, it reads `moved` of what it read before."""
+    """The tracker was moved at a time [ns]: later readings are `moved` applied to unmoved ones."""
     back = moved.inverse()
     size = float(np.sqrt(np.mean(np.sum((point - back.apply(point)) ** 2, axis=1))))
     turn = float(np.linalg.norm(rotations.log(moved.rotation)))
@@ -155,7 +155,7 @@ def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move
 
 
 def since(session: Session, at: int) -> float:
-    """Time since the tracker's first reading [s]."""
+    """Time of a stamp since the tracker's first reading [s]."""
     tracker = session.tracker
     return 0.0 if tracker is None else float(at - int(tracker.stamp_ns[0])) * 1e-9
 
@@ -170,7 +170,7 @@ def _back(stream: TrackerStream, back: Frame) -> TrackerStream:
 def _behind(
     at: int, change: Callable[[TrackerStream], TrackerStream]
 ) -> Callable[[Session], Session]:
-    """Change the tracker's readings from a time [ns] on."""
+    """Function that changes the tracker's readings from a time [ns] on."""
 
     def undo(session: Session) -> Session:
         tracker = session.tracker
@@ -190,9 +190,9 @@ def _behind(
 def reflector_changed(
     session: Session, robot: Robot, at: int, shift: Array, frame: Frame, geometry: Array
 ) -> Move:
-    """Another reflector from a time [ns] on, `shift` (3,) [m] from the first in the platform.
+    """The reflector was changed at a time [ns]; `shift` (3,) [m] in the platform's frame.
 
-    How the platform stands at each reading is what a machine of this geometry (p,) does.
+    The orientation of the platform at each reading is computed with this geometry (p,).
     """
 
     def undo(session: Session) -> Session:

@@ -1,7 +1,7 @@
-"""The drawing laid before the tracker: how well a session's stops fit the robot as drawn.
+"""Fits the nominal robot to the tracker: how well a session's stops agree with the drawing.
 
-The tracker's frame and the reflector's place on the platform are free, the machine's dimensions
-are not: cheap, and enough to tell mistakes that no manufacturing error explains.
+The tracker's frame and the reflector's offset are free, the machine's dimensions are not: this is
+cheap, and enough to detect mistakes that no manufacturing error explains.
 """
 
 from __future__ import annotations
@@ -21,31 +21,31 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 _ROUNDS = 12
-_SETTLED = 1e-3  # share by which the distance changes from round to round
-_MOST_LOST = 0.3  # share of the stops that the drawing may not reach
-_TURNS = 0.01  # [rad] by which a platform must turn for the reflector's place to matter
+_SETTLED = 1e-3  # relative change of the distance in a round that counts as converged
+_MOST_LOST = 0.3  # largest share of the stops that may be out of the nominal robot's reach
+_TURNS = 0.01  # [rad] least rotation of a platform for which the reflector's offset matters
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A drawing before a tracker.
+    """Result of fitting the nominal robot's frame to the tracker's points.
 
-    Rows of stops that the drawing cannot reach are NaN.
+    Rows of stops that are out of the nominal robot's reach are NaN.
     """
 
-    typical: float  # [m] median distance left; infinite where the drawing cannot stand so
+    typical: float  # [m] median residual; infinite if too many stops are out of reach
     frame: Frame  # T_tracker_base
     offset: Array  # (3,) [m] of the reflector
     pose: Array  # (n, k)
-    turned: Array  # (n, 3, 3) of the platform in the base
+    turned: Array  # (n, 3, 3) rotation of the platform in the base
     base: Array  # (n, 3) [m] reflector in the base
-    left: Array  # (n, 3) [m] measured less placed
+    left: Array  # (n, 3) [m] residual: measured less predicted
     scale: float = 1.0
-    turns: bool = False  # whether the platform turns enough for the reflector's place to matter
+    turns: bool = False  # whether the platform rotates enough for the reflector's offset to matter
 
     @property
     def found(self) -> bool:
-        """Whether it can stand so at all."""
+        """Whether a fit exists: enough stops are in reach."""
         return bool(np.isfinite(self.typical))
 
 
@@ -63,15 +63,15 @@ NOWHERE = Placed(
 def place(
     stops: Session, robot: Robot, stream: str = "", loose: bool = False, apart: bool = False
 ) -> Placed:
-    """Lay the drawing before the tracker, robustly.
+    """Fit the frame of the nominal robot to the tracker's points robustly.
 
     Args:
         stops: of the session, see `stops_of`.
-        robot: its drawing.
-        stream: joint stream to go by; where not given that which a fit uses.
-        loose: allow for another scale of the tracker's frame, which is then no reason to prefer
-            one joint stream to another.
-        apart: allow for its other hand.
+        robot: its nominal dimensions.
+        stream: joint stream to use; by default the one that a fit uses.
+        loose: let the scale of the tracker's frame vary, so that a wrong scale does not make one
+            joint stream seem better than another.
+        apart: allow a left-handed tracker frame.
     """
     joint, point = joints_and_points(stops, stream)
     try:
@@ -82,7 +82,7 @@ def place(
 
 
 def joints_and_points(stops: Session, stream: str = "") -> tuple[Array, Array]:
-    """Joints (n, m) that a fit goes by, and the tracker's points (n, 3) [m]."""
+    """Joints (n, m) that a fit uses, and the tracker's points (n, 3) [m]."""
     name = stream or joint_streams(stops)[-1]
     joints = joints_of(stops, name)
     assert joints is not None
@@ -93,7 +93,7 @@ def joints_and_points(stops: Session, stream: str = "") -> tuple[Array, Array]:
 def place_poses(
     pose: Array, point: Array, robot: Robot, loose: bool = False, apart: bool = False
 ) -> Placed:
-    """The same for poses (n, k) of the drawing."""
+    """Fit the frame, as `place`, to given poses (n, k) of the nominal robot."""
     mechanism, tracker = robot.model(), robot.tracker
     reached = np.isfinite(pose).all(axis=1)
     if reached.mean() < 1 - _MOST_LOST or reached.sum() < 4:
@@ -136,7 +136,7 @@ def _offset(
     typical: float,
     robot: Robot,
 ) -> Array:
-    """A better place of the reflector, (3,) [m], the frame being free to follow."""
+    """Improved offset of the reflector, (3,) [m], with the frame free."""
     tracker = robot.tracker
     about = predicted - predicted.mean(axis=0)
     pull = (typical / tracker.reflector_offset_prior) ** 2
@@ -152,9 +152,9 @@ def similarity(
     loose: bool = False,
     apart: bool = False,
 ) -> tuple[Array, float, Array]:
-    """Rotation, scale and translation that take source to target (Umeyama 1991).
+    """Rotation, scale and translation that map source to target (Umeyama 1991).
 
-    Proper and of scale 1, unless `loose` (of any scale) or `apart` (of either hand).
+    A proper rotation with scale 1, unless `loose` (any scale) or `apart` (reflection allowed).
     """
     w = (weight / weight.sum())[:, None]
     mean_s, mean_t = (w * source).sum(axis=0), (w * target).sum(axis=0)
@@ -168,7 +168,10 @@ def similarity(
 
 
 def expected(placed: Placed, robot: Robot, joint: Array) -> float:
-    """How far parts within their tolerances typically move the reflector [m]."""
+    """Typical displacement of the reflector by deviations of one tolerance [m].
+
+    Median over the stops.
+    """
     mechanism = chain_of(robot).mechanism
     good = np.isfinite(placed.pose).all(axis=1)
     q, x = joint[good], placed.pose[good]
@@ -182,7 +185,7 @@ def expected(placed: Placed, robot: Robot, joint: Array) -> float:
 
 
 def turned_by(placed: Placed, quaternion: Array) -> tuple[Array, Array]:
-    """How the probe is turned on the platform: mean (3, 3), and each stop about it (n,) [rad]."""
+    """Rotation of the probe on the platform: mean (3, 3), and each stop's deviation (n,) [rad]."""
     good = np.isfinite(placed.pose).all(axis=1)
     turned = placed.frame.rotation @ placed.turned[good]
     mount = np.swapaxes(turned, 1, 2) @ rotations.from_quaternion(quaternion[good])

@@ -1,4 +1,4 @@
-"""Robot files whose numbers are in another unit than their keys say, and files of other robots."""
+"""Hypotheses of a robot file with numbers in a wrong unit, or of another robot's file."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from delta_calibration.robot import Robot, known_robots, load_robot, robot_from
 Path = tuple[Any, ...]
 
 _DEG = 180 / np.pi
-# key's unit: what the numbers are in instead, and by what they are to be multiplied
+# unit in the key: units that the numbers may have instead, and the factors that correct them
 _OTHER = {
     "mm": (("m", 1e3), ("inch", 25.4), ("um", 1e-3), ("cm", 10.0)),
     "deg": (("rad", _DEG), ("mrad", _DEG / 1e3)),
@@ -27,10 +27,10 @@ _SECTIONS = ("geometry", "joints", "tool")
 
 
 def edited_files(data: Document, source: str) -> Iterator[Change]:
-    """The robot file with some of its numbers taken for another unit, where that is a robot.
+    """Yield valid robot files in which some numbers are taken to be in another unit.
 
-    One entry by itself, all entries of a unit in a section, both limits of the joints, their
-    zeros, and all of these.
+    In geometry and tool: one entry, all entries of a unit, or all with the same key. In joints:
+    the limits, the zeros, or both.
     """
     for paths in _groups(data):
         unit = _unit(paths[0])
@@ -56,7 +56,7 @@ def edited_files(data: Document, source: str) -> Iterator[Change]:
 
 
 def other_robots(robot: Robot) -> Iterator[Change]:
-    """The robots that come with the package whose joints could be those of the session."""
+    """Robots of the package with the same number and unit of joints, as hypotheses."""
     for other in robots_that_come():
         alike = (
             other.hash != robot.hash
@@ -88,7 +88,7 @@ def _renamed(names: tuple[str, ...]) -> Callable[[Session], Session]:
 
 
 def _groups(data: Document) -> list[list[Path]]:
-    """Entries that one mistake may be in."""
+    """Groups of entries that one mistake may affect together."""
     found: list[list[Path]] = []
     for section in _SECTIONS:
         entries = [(section, *path) for path in _entries(data.get(section, {}))]
@@ -112,7 +112,7 @@ def _groups(data: Document) -> list[list[Path]]:
 
 
 def _entries(value: Any, path: Path = ()) -> Iterator[Path]:
-    """Paths of numbers, and lists of them, whose keys end in a unit that may be mistaken."""
+    """Paths of numbers and lists of numbers whose keys end in one of the units of `_OTHER`."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             if isinstance(item, Mapping) or (_is_list_of_mappings(item)):

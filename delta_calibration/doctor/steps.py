@@ -1,13 +1,14 @@
-"""What changed in mid-session, or stands off all through it, by a fit of the whole machine.
+"""Detects steps during a session and constant joint offsets by a fit of the whole machine.
 
-The model is fitted to the poses with everything free, then linearised; a step of the tracker's
-frame or of the reflector's place at every time between two poses, and an offset of every joint,
-is held against what is left. What machine and frame can explain themselves is projected out:
+The model is fitted to the poses with everything free, then linearised. A step of the tracker's
+frame or of the reflector's offset at every time between two poses, and an offset of every joint,
+are fitted to the residuals. What machine and frame can imitate is projected out:
 
     min |b - A dz - C v|^2,   gain of v = h' G^-1 h,   h = C' b_r,   G = C' C - (Q' C)' (Q' C)
 
-with A the whitened rows of the fit with the priors below, Q an orthonormal basis of its columns
-and b_r = b - Q Q' b. Sums over the poses behind each time are cumulative: all times cost one pass.
+with b the whitened residuals, A the whitened Jacobian of the fit with the rows of the priors
+below, C the columns of the step, Q an orthonormal basis of the columns of A, and b_r = b - Q Q' b.
+Sums over the poses after each time are cumulative: all times cost one pass.
 """
 
 from __future__ import annotations
@@ -34,33 +35,33 @@ Array = NDArray[np.float64]
 
 FEWEST = 20  # poses of a fit
 _EDGE = 4  # poses on either side of a step
-_SETTLING, _SETTLED = 6, 3e-6  # steps at most; [m] of one that is the last
-_SEEN = 1e-10  # share of a column that the machine's own parameters must leave
+_SETTLING, _SETTLED = 6, 3e-6  # most iterations; [m] a smaller change ends them
+_SEEN = 1e-10  # relative eigenvalue below which a direction is taken as not identifiable
 
 
 @dataclass(frozen=True)
 class Step:
-    """The tracker's points from one pose on, moved."""
+    """A step of the tracker's frame between two poses."""
 
-    first: int  # pose behind it
-    moved: Frame  # of the points: measured = moved(as before)
-    size: float  # [m] typical, at the poses behind it
-    left: float  # share of chi square that is left
-    turn_std: float  # [rad] standard error of its turn
+    first: int  # first pose after it
+    moved: Frame  # motion of the points: measured = moved(point in the first frame)
+    size: float  # [m] RMS displacement of the points after it
+    left: float  # share of chi square that remains
+    turn_std: float  # [rad] standard error of its rotation
 
 
 @dataclass(frozen=True)
 class Offset:
-    """A joint that counts from another zero."""
+    """An offset of a joint's zero."""
 
     joint: int
-    value: float  # [rad, m] that it reads too much
-    gain: float
+    value: float  # [rad or m] reading less true value
+    gain: float  # decrease of chi square
     second: float  # gain of the next best joint
 
 
 class Fitted:
-    """Poses with the fit of the whole machine, linearised."""
+    """Poses with the linearised fit of the whole machine."""
 
     def __init__(self, poses: Poses, robot: Robot) -> None:
         """Fit; raises what `prepare` and `solve` raise."""
@@ -86,19 +87,20 @@ class Fitted:
 
     @property
     def geometry(self) -> Array:
-        """Of the mechanism, (p,)."""
+        """Fitted geometry of the mechanism, (p,)."""
         return self.problem.chain.split(self.solution.theta)[0]
 
     @property
     def typical(self) -> float:
-        """Distance that is left, median [m]."""
+        """Median residual distance [m]."""
         missed = np.linalg.solve(self.problem.whiten, self.solution.residual[..., None])
         return float(np.median(np.linalg.norm(missed[..., 0], axis=1)))
 
     def _gains(self, columns: Array, steps: bool) -> tuple[Array, Array, Array]:
-        """Gain (k,), values (k, v) and their information (k, v, v) of columns (n, 3, v).
+        """Gain (k,), values (k, v) and their information (k, v, v) for columns (n, 3, v).
 
-        With `steps` of each step that begins with pose k, else of the columns as they are (k = 1).
+        With `steps`, for a step at each pose: the columns act from that pose on (k = n); otherwise
+        the columns act at all poses (k = 1).
         """
         c = self.whiten @ columns
         across = np.einsum("nif,niv->nfv", self.basis, c)
@@ -120,7 +122,7 @@ class Fitted:
         return gain, estimate, info * (scale[:, :, None] * scale[:, None, :])
 
     def step(self, first: int | None = None) -> Step:
-        """The likeliest step of the tracker; at the pose `first` (of all), where it is given."""
+        """Likeliest step of the tracker, or the step at pose `first` (of all poses), if given."""
         point = self.poses.point[self.used]
         n = len(point)
         centre = point.mean(axis=0)
@@ -149,7 +151,10 @@ class Fitted:
         )
 
     def reflector(self, first: int | None = None) -> tuple[int, float, Array]:
-        """Likeliest pose of a changed reflector, share of chi square left, shift (3,) [m]."""
+        """First pose with a changed reflector, share of chi square left, shift (3,) [m].
+
+        The likeliest pose, or `first` (of all poses), if given.
+        """
         turned = self.problem.chain.mechanism.rotation(self.solution.pose)[self.used]
         frame = self.problem.chain.split(self.solution.theta)[2]
         gain, values, _ = self._gains(frame.rotation @ turned, True)
@@ -162,7 +167,7 @@ class Fitted:
         return int(rows[best]), left, values[best]
 
     def offset(self) -> Offset:
-        """The joint that an offset of explains most."""
+        """The joint offset with the largest gain."""
         seen = self.problem.chain.see(
             self.problem.at, self.solution.theta, self.solution.pose
         ).by_joints[self.used]
@@ -175,19 +180,19 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Moves:
-    """The two ways to explain a step, each fitted with the whole machine."""
+    """The two explanations of a step, each fitted with the whole machine."""
 
-    moved: Frame  # of the tracker's points
-    turn_std: float  # [rad]
-    tracker_left: float  # [m] median distance left with it
+    moved: Frame  # motion of the tracker's points
+    turn_std: float  # [rad] standard error of its rotation
+    tracker_left: float  # [m] median residual distance with it
     shift: Array  # (3,) [m] of the reflector
-    reflector_left: float  # [m]
+    reflector_left: float  # [m] median residual distance with it
     frame: Frame  # T_tracker_base
     geometry: Array  # (p,) of the machine, with the reflector changed
 
 
 def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Array) -> Moves:
-    """A tracker moved, or a reflector changed, at a pose; by Gauss-Newton from a first guess."""
+    """Fit both a move of the tracker and a change of reflector at a pose, by Gauss-Newton."""
     turn_std, now = 0.0, Fitted(moved_back(poses, first, moved), robot)
     for _ in range(_SETTLING):
         more = now.step(first)
@@ -214,7 +219,7 @@ def fitted_moves(poses: Poses, robot: Robot, first: int, moved: Frame, shift: Ar
 
 
 def moved_back(poses: Poses, first: int, moved: Frame) -> Poses:
-    """Poses from `first` on as they would have been read without the move."""
+    """Poses, from `first` on corrected to the readings without the move."""
     point = poses.point.copy()
     point[first:] = moved.inverse().apply(point[first:])
     return replace(poses, point=point)
@@ -223,7 +228,7 @@ def moved_back(poses: Poses, first: int, moved: Frame) -> Poses:
 def shifted_back(
     poses: Poses, robot: Robot, first: int, shift: Array, frame: Frame, geometry: Array
 ) -> Poses:
-    """Poses from `first` on as the first reflector would have been read."""
+    """Poses, from `first` on corrected to the readings of the first reflector."""
     model, point = robot.model(), poses.point.copy()
     turned = model.rotation(model.forward(poses.joint[first:], geometry))
     point[first:] -= (frame.rotation @ turned) @ shift
@@ -231,12 +236,12 @@ def shifted_back(
 
 
 def _behind(values: Array) -> Array:
-    """Sums from each row to the last."""
+    """Cumulative sums from each row to the last."""
     return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
 
 
 def _not_alone(weight: Array) -> NDArray[np.bool_]:
-    """Poses that count, and those left out whose neighbours are as well: no single outliers."""
+    """Mask without isolated outliers: poses with weight 0 stay in if a neighbour has 0 too."""
     out = np.r_[False, weight == 0, False]
     alone = out & ~(np.roll(out, 1) | np.roll(out, -1))
     return np.asarray(~alone[1:-1])

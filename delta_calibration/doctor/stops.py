@@ -1,8 +1,7 @@
-"""Where the machine stood: a session of one message a stop, whatever units its streams are in.
+"""Finds the stops of a session whatever the units of its streams: one message per stop.
 
-The moments at rest that a fit uses are found by thresholds in radians and metres. A session in the
-wrong units has none, so here a joint is at rest where it moves by less than a share of its own
-range.
+A fit finds the periods at rest by thresholds in radians and metres. These fail on a session in
+wrong units, so here a joint is at rest if it moves by less than a share of its own range.
 """
 
 from __future__ import annotations
@@ -19,22 +18,22 @@ from delta_calibration.doctor.change import joint_streams, joints_of
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-SPARSE = 0.5  # [s] readings farther apart are one message a stop
-_HOLD = 1e-6, 3e-4  # share of a joint's range within which it is held, at least and at most
-_SIGMAS = 8.0
+SPARSE = 0.5  # [s] readings farther apart are one message per stop
+_HOLD = 1e-6, 3e-4  # smallest and largest threshold of rest, as a share of the joint's range
+_SIGMAS = 8.0  # threshold of rest in standard deviations of the noise
 _QUIET = 0.2, 0.2533  # share of the steps that are noise, and that quantile of |N(0, 1)|
-_FEWEST, _SHORTEST = 4, 0.12  # readings and [s] of a stop
-_PAUSE = 1.0  # [s] a longer one ends a stop
-_GAP = 0.5  # [s] across a longer gap joints are known only where they stood still
-_PITCH = 0.4  # of the time between sparse readings, within which joints belong to them
-_UNSTEADY = 20.0  # times the typical scatter
-LEAST = 6  # stops; of fewer nothing can be said
+_FEWEST, _SHORTEST = 4, 0.12  # least number of readings and duration [s] of a stop
+_PAUSE = 1.0  # [s] a longer gap ends a stop
+_GAP = 0.5  # [s] across a longer gap joints are known only if they were at rest
+_PITCH = 0.4  # of the interval of sparse readings, within which joints belong to a reading
+_UNSTEADY = 20.0  # times the typical scatter; a stop that scatters more is left out
+LEAST = 6  # stops; with fewer a session cannot be examined
 
 
 def stops_of(session: Session) -> Session | None:
-    """The stops of a session, its joints in order (`in_order`); None where there are too few.
+    """The stops of a session with joints in order (`in_order`); None if there are too few.
 
-    All streams of the answer have the same stamps: the middle of each stop.
+    All streams of the result have the same stamps: the middle of each stop.
     """
     tracker, names = session.tracker, joint_streams(session)
     if tracker is None or not names or len(tracker.stamp_ns) < LEAST:
@@ -63,7 +62,7 @@ def stops_of(session: Session) -> Session | None:
 
 
 def thinned(stops: Session, most: int) -> Session:
-    """At most so many of the stops, evenly over the session."""
+    """At most `most` stops, spread evenly over the session."""
     tracker = stops.tracker
     if tracker is None or len(tracker.stamp_ns) <= most:
         return stops
@@ -72,7 +71,7 @@ def thinned(stops: Session, most: int) -> Session:
 
 
 def taken(stops: Session, keep: NDArray[np.intp]) -> Session:
-    """Some of the stops."""
+    """The stops of the given rows."""
     return replace(
         stops,
         command=_joint_rows(stops.command, keep),
@@ -82,7 +81,7 @@ def taken(stops: Session, keep: NDArray[np.intp]) -> Session:
 
 
 def seconds(stops: Session) -> Array:
-    """Time of each stop since the first, (n,) [s]."""
+    """Time of each stop since the first stop, (n,) [s]."""
     assert stops.tracker is not None
     stamps = stops.tracker.stamp_ns
     return np.asarray((stamps - stamps[0]) * 1e-9)
@@ -100,9 +99,9 @@ def _rows(stream: TrackerStream, keep: NDArray[np.bool_] | NDArray[np.intp]) -> 
 
 
 def _at(stream: JointStream, stamps: Stamps, reach: float) -> tuple[Array, NDArray[np.bool_]]:
-    """Joints at some stamps (n, m), and where they are known.
+    """Joints interpolated at stamps, (n, m), and the mask of stamps at which they are known.
 
-    Between two messages farther apart than `reach` [s] the nearest one counts, if it is within.
+    Between two messages more than `reach` [s] apart the nearer one is used, if within `reach`.
     """
     own, position = stream.stamp_ns, stream.position
     if len(own) == 1:
@@ -123,7 +122,7 @@ def _at(stream: JointStream, stamps: Stamps, reach: float) -> tuple[Array, NDArr
 
 
 def _at_rest(stamps: Stamps, values: dict[str, Array], point: Array) -> list[NDArray[np.intp]]:
-    """Rows of each stop: the later half, where the platform has settled."""
+    """Rows of each stop: its later half, in which the platform has settled."""
     joint = np.concatenate(list(values.values()), axis=1)
     time = (stamps - stamps[0]) * 1e-9
     hold = _hold(joint)
@@ -143,7 +142,7 @@ def _at_rest(stamps: Stamps, values: dict[str, Array], point: Array) -> list[NDA
 
 
 def _hold(joint: Array) -> Array:
-    """How far each joint may move from one reading to the next and be at rest, (m,)."""
+    """Threshold of rest: the largest step of each joint between two readings, (m,)."""
     share, quantile = _QUIET
     steps = np.abs(np.diff(joint, axis=0))
     sigma = np.quantile(steps, share, axis=0) / quantile / np.sqrt(2)

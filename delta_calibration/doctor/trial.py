@@ -1,7 +1,7 @@
-"""Hypotheses tried on the drawing in its best frame: which of them explains a session's stops.
+"""Tries hypotheses of mistakes with the nominal robot in its best frame on a session's stops.
 
-Single mistakes first, then pairs of those without a parameter. One is taken where it leaves a
-quarter of what was left or less, and no more than parts within their tolerances explain.
+Single mistakes are tried first, then pairs of those without a parameter. A hypothesis is accepted
+if it reduces the residual to a quarter or less, and to at most twice what tolerances explain.
 """
 
 from __future__ import annotations
@@ -36,25 +36,25 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-EXPLAINED = 2.0  # times what tolerances do: what is left of a session without a mistake
-UNEXPLAINED = 4.0  # times the same from which something is wrong
-# of the spread of the points, beyond which tolerances of a machine never go (near a singularity
-# they would): of a hypothesis, and of a session as it is
+EXPLAINED = 2.0  # times what tolerances explain: largest residual of a session without a mistake
+UNEXPLAINED = 4.0  # times what tolerances explain: from there on a mistake is certain
+# Largest effect of tolerances as a share of the spread of the points (near a singularity the
+# linear estimate is larger): for a hypothesis, and for the session as recorded.
 _SHARE = 0.01, 0.05
-_CLEARLY = 4.0  # times less is left than before
-_ALIKE = 1.5  # times the least that is left: not to be told from it
+_CLEARLY = 4.0  # least factor by which the residual must decrease
+_ALIKE = 1.5  # times the smallest residual: hypotheses up to there are indistinguishable
 _TRIED = 80  # stops
 _GRID = 48
-_SHIFTS = 8  # rows of a table by which joints and readings may be apart
+_SHIFTS = 8  # largest shift, in rows of a table, between joints and readings
 _UPRIGHT = 0.9
-_MIXED = 5.0  # times: what coordinates in two units make extents differ by; a workspace is rounder
+_MIXED = 5.0  # ratio of extents that shows coordinates in two units; no workspace is so flat
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A session before the drawing of a robot.
+    """A session compared with the nominal robot.
 
-    `session` is whole, its joints in the robot's order, `stops` are its stops.
+    `session` is complete, with joints in the robot's order; `stops` are its stops.
     """
 
     session: Session
@@ -65,27 +65,27 @@ class Trial:
 
     @cached_property
     def few(self) -> Session:
-        """Some of the stops, evenly over the session."""
+        """At most 80 of the stops, spread evenly over the session."""
         return thinned(self.stops, _TRIED)
 
     @cached_property
     def placed(self) -> Placed:
-        """The drawing in its best frame."""
+        """The nominal robot in its best frame."""
         return place(self.few, self.robot)
 
     @cached_property
     def tolerated(self) -> float:
-        """What tolerances explain [m]."""
+        """Residual that the tolerances explain [m]."""
         own = _tolerated(self.placed, self.robot, self.few)
         return min(own, _SHARE[1] * _spread(self.placed))
 
     @property
     def misfit(self) -> float:
-        """What is left, in times what tolerances explain."""
+        """Ratio of the residual to what the tolerances explain."""
         return self.placed.typical / self.tolerated if self.placed.found else np.inf
 
     def left(self, change: Change) -> tuple[float, float]:
-        """Typical distance with a mistake undone [m], and the same over what tolerances do."""
+        """Median residual [m] with a mistake undone, and its ratio to what tolerances explain."""
         robot = change.robot or self.robot
         if change.mistake == "clock_offset":
             stops = stops_of(change.undo(self.session))
@@ -102,7 +102,7 @@ class Trial:
         )
 
     def answer(self) -> Answer | None:
-        """What explains the session; None where nothing does."""
+        """The best explanation of the session; None if no hypothesis explains it."""
         discrete = [*self._discrete()]
         return (
             self._best([*discrete, *self._others()], discrete)
@@ -112,7 +112,7 @@ class Trial:
         )
 
     def _best(self, changes: Sequence[Change], alike: Sequence[Change]) -> Answer | None:
-        """The first of the changes that leaves nearly the least, if that is clear."""
+        """The first change with nearly the smallest residual, if that is clearly smaller."""
         scored = [(change, *self.left(change)) for change in changes]
         before = self.placed.typical
         good = [
@@ -144,9 +144,9 @@ class Trial:
         return next(misfit for change, _, misfit in scored if change is best)
 
     def _upright(self, near: list[Change]) -> list[Change]:
-        """Those first that let turns of the probe agree, or the tracker stand upright.
+        """Put the changes first with which the rotations agree, or the tracker is upright.
 
-        Which axis of a left-handed frame has the other sign is nothing that points tell.
+        Points alone do not show which axis of a left-handed frame has the opposite sign.
         """
         of_frame = [c for c in near if c.mistake in ("frame_mirrored", "axes_swapped")]
         if len(of_frame) < 2:
@@ -166,7 +166,7 @@ class Trial:
         return [*(upright or of_frame), *(c for c in near if c not in of_frame)]
 
     def _discrete(self) -> Iterator[Change]:
-        """Mistakes without a parameter, likelier ones first."""
+        """Mistakes without a parameter, the likelier ones first."""
         streams = joint_streams(self.few)
         yield from hypotheses.unit_of_tracker()
         yield from hypotheses.unit_of_joints(self.robot, streams)
@@ -175,7 +175,7 @@ class Trial:
         yield from hypotheses.signs_of_joints(self.robot, streams)
 
     def _others(self) -> Iterator[Change]:
-        """Coordinates in two units, readings a row beside their joints; other robots and files."""
+        """Coordinates in two units, rows shifted against each other, other robots and files."""
         yield from hypotheses.unit_of_coordinates()
         yield from self._shifts()
         if self.document is not None:
@@ -183,7 +183,7 @@ class Trial:
         yield from robot_file.other_robots(self.robot)
 
     def _shifts(self) -> Iterator[Change]:
-        """Readings of a table some rows beside their joints."""
+        """Readings of a table were shifted by some rows against their joints."""
         tracker = self.session.tracker
         if tracker is None:
             return
@@ -203,12 +203,12 @@ class Trial:
             )
 
     def _moved(self) -> Answer | None:
-        """A tracker that was moved, a reflector that was changed."""
+        """Answer for a moved tracker or a changed reflector; None if neither explains it."""
         found = moves.roughly(self.stops, self.robot)
         return self._best(found, found) if found else None
 
     def _offsets(self) -> Iterator[Change]:
-        """An offset of each joint, one of all of them, and that with all of the other sign."""
+        """An offset of each joint, a common one of all, and a common one with opposite signs."""
         robot, streams = self.robot, joint_streams(self.few)
         every = tuple(range(len(robot.joints.names)))
         for which in (*((j,) for j in every), *([every] if len(every) > 1 else ())):
@@ -216,7 +216,7 @@ class Trial:
         yield self._offset(every, partial(_opposite, robot, streams))
 
     def _offset(self, which: tuple[int, ...], change: Callable[[float], Change]) -> Change:
-        """The best offset of some joints, of the changes that each offset is."""
+        """The change with the best offset; `change` builds the hypothesis from an offset."""
         from scipy.optimize import minimize_scalar  # slow to load
 
         robot = self.robot
@@ -241,13 +241,13 @@ class Trial:
         return change(float(found.x))
 
     def _pairs(self, changes: Sequence[Change]) -> Iterator[Change]:
-        """Two mistakes, of different kinds or places."""
+        """Pairs of mistakes that differ in kind or stream."""
         for one, other in combinations(changes, 2):
             if not (one.mistake == other.mistake and one.streams == (TRACKER,)):
                 yield Pair.of(one, other)
 
     def _mixed(self, changes: Sequence[Change]) -> Iterator[Change]:
-        """Coordinates in two units and another mistake, where the points' extents look like it."""
+        """Coordinates in two units with another mistake, if the points' extents suggest it."""
         wide = _extents(self.few)
         for one in hypotheses.unit_of_coordinates():
             told = _extents(one.undo(self.few))
@@ -256,7 +256,7 @@ class Trial:
 
 
 def _extents(session: Session) -> Array:
-    """Of the points along the tracker's axes, (3,) [m], from the smallest to the largest."""
+    """Extents of the points along the tracker's axes, (3,) [m], in rising order."""
     tracker = session.tracker
     if tracker is None or not tracker.position.size:
         return np.zeros(3)
@@ -265,13 +265,13 @@ def _extents(session: Session) -> Array:
 
 @dataclass(frozen=True)
 class Pair(Change):
-    """Two mistakes undone together."""
+    """Hypothesis of two mistakes together."""
 
     parts: tuple[Change, ...] = ()
 
     @classmethod
     def of(cls, one: Change, other: Change) -> Pair:
-        """The second undone after the first."""
+        """Build a pair; `other` is undone after `one`."""
         return cls(
             f"{one.mistake} and {other.mistake}",
             one.streams + other.streams,
@@ -282,7 +282,7 @@ class Pair(Change):
 
 
 def _opposite(robot: Robot, streams: tuple[str, ...], value: float) -> Pair:
-    """All joints of the other sign, from one other zero."""
+    """Hypothesis that all joints have the opposite sign and the same wrong zero."""
     reversed_, shifted = hypotheses.opposite(robot, streams, value)
     return Pair.of(shifted, reversed_)
 
@@ -292,7 +292,7 @@ def _earlier(stream: TrackerStream, late: int) -> TrackerStream:
 
 
 def _spread(placed: Placed) -> float:
-    """Root mean square distance of the points from their middle [m]."""
+    """Root mean square distance of the points from their mean [m]."""
     base = placed.base[np.isfinite(placed.base).all(axis=1)]
     return float(np.sqrt(np.sum((base - base.mean(axis=0)) ** 2, axis=1).mean()))
 

@@ -1,4 +1,4 @@
-"""Turns of a probe against those of the drawing: order, sense, axes that only they tell."""
+"""Compares a probe's rotations with the nominal robot's: wrong order, sense or axes."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_TURNING = 0.02  # [rad] by which a platform turns
-_STRAIGHT = 0.03, 0.15  # [rad] of a probe mounted straight, and of one that is not
-_CLEARLY = 4.0  # times less is left than before
+_TURNING = 0.02  # [rad] from which a platform counts as rotating
+_STRAIGHT = 0.03, 0.15  # [rad] largest angle of a straight probe, least of one that is not
+_CLEARLY = 4.0  # least factor by which the misfit must decrease
 _TRIED = 80  # stops
-DOUBTED = 0.03  # [rad] of turns that a drawing leaves
+DOUBTED = 0.03  # [rad] misfit of rotations from which they are in doubt
 
 
 def turn_misfit(stops: Session, robot: Robot) -> tuple[float, bool] | None:
-    """How far turns of the probe are from the drawing's [rad], and whether the platform turns.
+    """Misfit of the probe's rotations to the nominal robot [rad]; whether the platform rotates.
 
-    On a platform that does not turn it is how far the probe is from being mounted straight. None
-    where no turns were recorded or nothing fits.
+    If it does not rotate, the misfit is the angle of the probe from straight mounting. None if no
+    rotations were recorded or the points do not fit.
     """
     if stops.tracker is None or stops.tracker.quaternion is None:
         return None
@@ -34,7 +34,7 @@ def turn_misfit(stops: Session, robot: Robot) -> tuple[float, bool] | None:
 
 
 def _misfit(placed: Placed, quaternion: Array) -> tuple[float, bool]:
-    """The same of a drawing that has been laid before the tracker."""
+    """The misfit of `turn_misfit`, for a nominal robot that was already fitted."""
     mount, about = turned_by(placed, quaternion)
     turned = placed.turned[np.isfinite(placed.pose).all(axis=1)]
     turning = float(np.median(np.linalg.norm(turned - turned.mean(axis=0), axis=(1, 2))))
@@ -45,12 +45,12 @@ def _misfit(placed: Placed, quaternion: Array) -> tuple[float, bool]:
 
 
 def doubt(score: tuple[float, bool] | None) -> float:
-    """How far turns are from the drawing's [rad]; infinite where that is not known."""
+    """Misfit of rotations [rad]; infinite if not known."""
     return np.inf if score is None else score[0]
 
 
 def turn_answer(stops: Session, robot: Robot) -> Answer | None:
-    """Order and sense of the tracker's turns, and axes that only turns tell."""
+    """Find a wrong order or sense of the rotations, or axes that only rotations show."""
     stops = thinned(stops, _TRIED)
     if stops.tracker is None or stops.tracker.quaternion is None:
         return None
@@ -63,7 +63,7 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
     if not here[1] and _is_straight_some_way(placed, quaternion):
         return None
     scored = []
-    for change in hypotheses.rotation_orders():  # these leave the drawing where it stands
+    for change in hypotheses.rotation_orders():  # these do not change the fit to the points
         tracker = change.undo(stops).tracker
         assert tracker is not None
         assert tracker.quaternion is not None
@@ -83,6 +83,6 @@ def turn_answer(stops: Session, robot: Robot) -> Answer | None:
 
 
 def _is_straight_some_way(placed: Placed, quaternion: Array) -> bool:
-    """Whether the probe is mounted at right angles: no reason for doubt."""
+    """Whether the axes of the probe are parallel to the platform's, in any order and sense."""
     mount, _ = turned_by(placed, quaternion)
     return bool(np.sort(np.abs(mount), axis=1)[:, 2].min() > np.cos(_STRAIGHT[0]))

@@ -1,4 +1,4 @@
-"""What only a fit of the whole machine shows: small moves and offsets, and moves in full."""
+"""Detects small moves and joint offsets, which only a fit of the whole machine shows."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _MOST_POSES = 800  # that are fitted; of more, so many evenly over the session
-_LEAST_MOVE = 1e-3  # [m] of a tracker; less is a drift, which `diagnose` names
+_LEAST_MOVE = 1e-3  # [m] of a tracker or reflector; less is a drift, which `diagnose` names
 _LEFT_OF_MOVE = 0.25  # share of chi square that a move may leave
-_TURNED = 6.0  # standard errors from which a move is also a turn
+_TURNED = 6.0  # standard errors from which a rotation of the tracker is significant
 _TILT = 2e-3  # [rad] to which a platform's tilt is known, by points alone
-_APART = 1.5  # times more is left by what is not true
-_OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # of chi square; [rad of a Delta]
-_REFINED = 4.0  # of chi square, by which an offset that the drawing told is fitted anew
+_APART = 1.5  # ratio of residuals from which the better explanation is preferred
+_OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # least gain in chi square; least size [rad of a Delta]
+_REFINED = 4.0  # least gain in chi square to refine an offset found with the nominal robot
 
 
 def fitted(checked: Checked) -> Checked:
-    """What only a fit of the whole machine shows, in rounds."""
+    """Undo mistakes that only a fit of the whole machine shows, in rounds."""
     for _ in range(_ROUNDS):
         try:
             fitted = _fit(checked)
             again = None if fitted is None else _offset(checked, fitted) or _step(checked, fitted)
         except (CalibrationError, np.linalg.LinAlgError):
-            return checked  # a fit of this session says so itself
+            return checked  # a later fit of this session reports the error itself
         if again is None:
             return checked
         checked = again
@@ -52,7 +52,7 @@ def _fit(checked: Checked) -> steps.Fitted | None:
 
 
 def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
-    """An offset of a joint, on its own or left of one that the drawing has told."""
+    """Undo a joint offset, or the remainder of one already found with the nominal robot."""
     offset = fitted.offset()
     robot, streams = checked.robot, joint_streams(checked.session)
     name = robot.joints.names[offset.joint]
@@ -80,7 +80,7 @@ def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
 
 
 def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
-    """A move of the tracker, or another reflector."""
+    """Undo a move of the tracker or a change of reflector; None if there is none."""
     step = fitted.step()
     first, left, shift = fitted.reflector()
     of_tracker = step.left <= left
@@ -95,7 +95,7 @@ def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
 
 
 def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Array) -> Checked:
-    """With a tracker moved or a reflector changed; both where the session does not tell."""
+    """Add a moved tracker or a changed reflector; name both if they are indistinguishable."""
     session, robot = checked.session, checked.robot
     found = steps.fitted_moves(poses, robot, first, moved, shift)
     at = poses.start_ns + round(0.5e9 * float(poses.time[first - 1] + poses.time[first]))
@@ -122,7 +122,7 @@ def _moved(checked: Checked, poses: Poses, first: int, moved: Frame, shift: Arra
 
 
 def answered_in_full(checked: Checked, answer: Answer) -> Checked:
-    """With a move that the drawing told of fitted with the whole machine, where that can be."""
+    """Apply an answer; a move is first refined by a fit of the whole machine, if possible."""
     move = answer.changes[0]
     if not isinstance(move, moves.Move):
         return checked.answered(answer)

@@ -1,4 +1,4 @@
-"""Command against state: two streams of the same joints that do not say the same."""
+"""Compares joint commands with joint states and finds mistakes that make them differ."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 _ALIKE = 0.02  # share of a joint's range by which the streams may differ
-_APART = 5e-3  # [rad of a Delta] constant difference from which it is an offset
-_SCATTERS = 5.0
-_NEAR = 0.03  # of a factor
+_APART = 5e-3  # [rad of a Delta] least constant difference that is an offset
+_SCATTERS = 5.0  # least offset in units of the scatter
+_NEAR = 0.03  # relative deviation of a slope from the factor of a unit
 _CLEARLY = 0.5  # of the other stream's misfit
 
 
 @dataclass(frozen=True)
 class Relation:
-    """True joints as a stream has them: true_j = slope_j * recorded_order_j + shift_j."""
+    """Relation of a stream to the true joints: true_j = slope_j * recorded[order_j] + shift_j."""
 
     order: tuple[int, ...]
     slope: Array  # (m,)
@@ -42,7 +42,7 @@ class Relation:
 
 
 def wiring(stops: Session, robot: Robot) -> list[tuple[Change, str]]:
-    """Changes that make command and state say the same, each with its evidence; most have none."""
+    """Changes that make command and state agree, each with its evidence; usually none."""
     if stops.command is None or stops.states is None:
         return []
     size = robot.commanded.joint_size
@@ -94,7 +94,7 @@ def _related(recorded: Array, true: Array) -> Relation:
 
 
 def _straight(x: Array, y: Array) -> tuple[float, float, float]:
-    """Slope, intercept and scatter of a line through most of the points."""
+    """Slope, intercept and scatter (median distance) of a robust line through the points."""
     weight = np.ones(len(x))
     slope, shift, left = 0.0, 0.0, np.inf
     for _ in range(5):
@@ -111,8 +111,8 @@ def _straight(x: Array, y: Array) -> tuple[float, float, float]:
 
 
 def _wrong_one(stops: Session, robot: Robot) -> str:
-    """The stream that the tracker, or the joints' limits, speak against."""
-    for apart in (False, True):  # of the other hand only where neither fits: it is much freer
+    """Name of the stream that contradicts the tracker, or else the joint limits and home."""
+    for apart in (False, True):  # left-handed frames only if neither fits: they fit too easily
         left = {n: place(stops, robot, n, True, apart).typical for n in (COMMAND, STATES)}
         low, high = sorted(left.values())
         if low < _CLEARLY * high:
@@ -129,7 +129,7 @@ def _wrong_one(stops: Session, robot: Robot) -> str:
 
 
 def _changes(relation: Relation, robot: Robot, wrong: str) -> list[Change]:
-    """The relation, as mistakes that are undone one after the other."""
+    """The relation as a list of changes that are applied one after the other."""
     changes = []
     order, m = relation.order, len(relation.order)
     if order != tuple(range(m)):

@@ -1,8 +1,9 @@
-"""Effects whose values each move one number of their stage: by functions, without columns.
+"""Columns of effects whose values each move one number of their stage, as products.
 
-    x_k = m_r f_k        m (n, d, size of the stage),    f_k (n,): the function,    r: what k moves
+    x_k = m_r f_k        m (n, d, size of the stage): derivative by the stage,    f_k (n,): the
+    function,            r: number of the stage that value k moves
 
-Of as many shapes as a search tries only the functions differ.
+The many shapes that a search tries differ only in their functions.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ Index = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Apart:
-    """Some values of an effect, and the terms that they are in."""
+    """Some values of an effect, and the terms that contain them."""
 
     effect: Effect
-    values: tuple[int, ...]  # (k,) which of its parameters
-    moves: tuple[int, ...]  # (k,) number of the stage that each of them moves
+    values: tuple[int, ...]  # (k,) indices of the effect's parameters
+    moves: tuple[int, ...]  # (k,) index in the stage of the number that each of them moves
     terms: tuple[Term, ...]
 
     @classmethod
     def of(cls, effect: Effect, values: Sequence[int], places: Places) -> Apart | None:
-        """These values of an effect; None where one of them moves several numbers of the stage."""
+        """Collect these values; None if one of them moves several numbers of the stage."""
         moves: dict[int, int] = {}
         terms = []
         for term in effect.terms(places):
@@ -50,12 +51,12 @@ class Apart:
 
 
 def functions_of(shapes: Sequence[Apart], signals: Signals, place: Index) -> Array:
-    """Functions by which values move what they move, in units of their priors, (rows, n).
+    """Functions f_k of the values of all shapes, in units of their priors, (rows, n).
 
     Args:
-        shapes: L of k values each.
-        signals: of the samples.
-        place: row of each value of each shape, (L, k).
+        shapes: L shapes of k values each.
+        signals: signals of the samples.
+        place: row of each value of each shape in the result, (L, k).
     """
     parts: list[tuple[Law, Sequence[Term], int]] = []
     about, where, size = [np.zeros(0)], [], []

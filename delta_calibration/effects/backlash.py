@@ -1,14 +1,15 @@
-"""Play between motor and arm: the arm leans on one flank of the gap.
+"""Backlash between motor and arm: the arm rests on one flank of the gap.
 
     dq = -(gap / 2) sign(tau)                      where |tau| > held_by
     dq = -(gap / 2) play(direction, travel)        elsewhere
 
-On which flank is up to what pushes the arm there. Friction of the arm (its bearing, its ball
-joints) has it half the gap behind, whichever way the joint last went: the play crosses over the
-first `width` of travel after a turn, and stays at its end then. Where weight and inertia tau are
-more than friction, `held_by` [N m], they hold it on their own flank, from whichever side it came;
-it changes over where tau changes its sign, by the pose or by what is carried. A diagnosis does not
-search for `held_by`: the simulator has it, and a machine of which it is known.
+The force on the arm decides which flank it is. Friction of the arm (its bearing, its ball joints)
+keeps the arm half the gap behind in the last direction of motion: after a reversal the gap is
+crossed over the first `width` of travel, and the arm then stays on that flank. Where the torque
+tau of weight and inertia exceeds friction, `held_by` [N m], it holds the arm on its own flank,
+whatever the direction of approach. The flank then changes where tau changes its sign, by the pose
+or the payload. A diagnosis does not search for `held_by`: it is set in the simulator, and for a
+machine whose value is known.
 """
 
 from __future__ import annotations
@@ -56,8 +57,8 @@ class Backlash(Effect):
     live_strength: ClassVar[float] = 1.0
     limits: ClassVar[Limits] = {"held_by": (0.0, 1e4)}
 
-    width: tuple[float, ...] = ()  # (m,) [rad] of travel over which the play is crossed
-    held_by: float = 0.0  # [N m] more than this holds the arm on its flank; 0: nothing does
+    width: tuple[float, ...] = ()  # (m,) [rad] travel over which the gap is crossed
+    held_by: float = 0.0  # [N m] torque above which loads decide the flank; 0: they never do
 
     @property
     def parameters(self) -> ParameterSet:
@@ -65,30 +66,30 @@ class Backlash(Effect):
         return self.each_joint("gap", "rad", 0.3e-3, 0.0, 0.05)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By the direction in which the joint last went."""
+        """Groups by the joint's last direction of motion."""
         return by_direction(at, joint)
 
     @property
     def takes(self) -> tuple[str, ...]:
-        """Loads only where they hold the arm."""
+        """Direction and travel; loads too if they can hold the arm."""
         loads = (GRAVITY, INERTIA) if self.held_by else ()
         return (DIRECTION, TRAVEL, *loads)
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-(gap / 2) side."""
+        """-(gap / 2) side, with side from -1 to 1."""
         crossed = minimum(maximum(2 * s[1] / c[0] - 1, -1.0), 1.0)
         load = s[2] + s[3]
         held = where(absolute(load) > c[1], sign(load), s[0] * crossed)
         return -v[0] * where(c[1] > 0, held, s[0] * crossed) / 2
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Width of the play, load that holds the arm."""
+        """Travel over which the gap is crossed, and torque that holds the arm."""
         width = self.width[joint] if self.width else 0.0
         return (max(width, _LEAST * self.mechanism.joint_size), self.held_by)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each joint."""
+        """One term per joint."""
         for j in range(self.mechanism.joints):
             names = (DIRECTION, TRAVEL, GRAVITY, INERTIA)
             signals = [places.begin(name) + j for name in names]
@@ -97,17 +98,17 @@ class Backlash(Effect):
             yield Term(tuple(signals), (j,), (j,), self.constants(j))
 
     def missing(self, at: Conditions) -> str:
-        """The payload as well, where loads hold the arm."""
+        """Also an unknown payload, if loads can hold the arm."""
         if self.held_by and not np.isfinite(at.payload).all():
             return "the payload is not known"
         return super().missing(at)
 
     def _load(self, at: Conditions) -> Array:
-        """Torque of weight on the joints of the drawing's machine, (n, m) [N m]."""
+        """Torque of weight on the joints of the nominal machine, (n, m) [N m]."""
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """Play that the weight of the arms holds shut: (gap / 2) sign(torque), a zero offset."""
+        """Backlash closed by the arms' weight: -(gap / 2) sign(torque) is then a zero offset."""
         if not isinstance(self.mechanism, DeltaModel) or not len(at):
             return None
         torque = self._load(at)
@@ -128,7 +129,7 @@ class Backlash(Effect):
         )
 
     def wrong(self) -> str:
-        """A width for each joint or none, none of them negative; a load that can be."""
+        """Check `held_by`, and that `width` is empty or has m numbers, none negative."""
         joints = self.mechanism.joints
         if wrong := super().wrong():
             return wrong
@@ -137,7 +138,7 @@ class Backlash(Effect):
         return f"width: {self.width} is not allowed; none, or {joints} of 0 or more"
 
     def refined(self, values: Array) -> Backlash:
-        """A play is crossed over its own gap."""
+        """The same effect with the gaps found as `width`: backlash is crossed over its gap."""
         return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))
 
 

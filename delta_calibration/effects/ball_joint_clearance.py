@@ -1,12 +1,13 @@
-"""Ball joints with play: a rod is longer by the clearance when pulled, shorter when pushed.
+"""Ball joints with clearance: a rod is longer by it when pulled, shorter when pushed.
 
     dl = c tanh(N / N_0)        N = N_m + e (w / 2) n
 
-N is the force of the pin that has the play along its rod: that of the rod's middle N_m, by half of
-the rod's weight w along the rod (n is how upright the rod is) more at the elbow, e = 1, which the
-rod hangs from, and as much less at the platform, e = -1. Of play at both ends, or who knows where,
-e = 0. The surface where N changes its sign is a step in the workspace, as wide as the force N_0
-takes by which contact and friction let go of one side; 0 is a sharp one.
+N is the force along the rod at the ball joint with clearance. It is the force N_m in the rod's
+middle plus half of the rod's weight w along the rod (n is 1 for an upright rod, 0 for a level one)
+at the elbow, e = 1, from which the rod hangs, and minus as much at the platform, e = -1. For
+clearance at both ends, or at an unknown end, e = 0. Where N changes its sign, the error makes a
+step in the workspace. N_0 is the force over which contact and friction release one side and sets
+the step's width; 0 makes it sharp.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class BallJointClearance(DeltaLoadEffect):
     limits: ClassVar[Limits] = {"force": (0.0, 1e3), "end": (-1.0, 1.0)}
 
     force: float = 0.0
-    end: float = 0.0  # of the rods where the play is: -1 platform, 1 elbow, 0 both or not known
+    end: float = 0.0  # end of the rods with clearance: -1 platform, 1 elbow, 0 both or unknown
 
     @property
     def parameters(self) -> ParameterSet:
@@ -68,7 +69,7 @@ class BallJointClearance(DeltaLoadEffect):
         return lengthened(v[0] * a, v[0] * b)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each pair of rods: its loads, its joint, the platform's height."""
+        """One term per pair of rods: its loads, its joint, the platform's height."""
         model = self.mechanism
         assert isinstance(model, DeltaModel)
         drawn, drives, masses = model.dimensions, model.drives, self.robot.masses
@@ -81,24 +82,24 @@ class BallJointClearance(DeltaLoadEffect):
             yield replace(pair, signals=signals, constants=constants)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A sharp step, and wider ones [N], wherever along the rods the play is."""
+        """A sharp step and wider ones [N], with the end of the rods left open (`end` 0)."""
         del at
         for force in _FORCES:
             yield replace(self, force=force, end=0.0)
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:
-        """Each step of the search, with play at both ends of the rods or at one of them only."""
+        """Each step of the search, with clearance at both ends of the rods or at one only."""
         del at
         for force, end in product(_FORCES, (0.0, -1.0, 1.0)):
             yield replace(self, force=force, end=end)
 
     @property
     def chosen(self) -> dict[str, str]:
-        """End of the rods that the play is at, where that was found."""
+        """End of the rods with clearance, if it was found."""
         return {"worn_end": "elbow" if self.end > 0 else "platform"} if self.end else {}
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Between the neighbours of the search; a sharp step is one."""
+        """Interval of the force between neighbours in the search; none for a sharp step."""
         return (("force", self.force / 2, 2 * self.force),) if self.force else ()
 
 

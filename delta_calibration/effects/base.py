@@ -1,15 +1,15 @@
-"""What an effect is: one stage of the chain of measurement that a geometric model leaves out.
+"""Base class of effects: errors of the measuring chain that a geometric model leaves out.
 
-An effect adds to what a stage hands on: to the joint angles behind the encoders (DRIVE), to the
-mechanism's geometry (STRUCTURE), to the place of the base (BASE) or to the tracker's reading
-(MEASUREMENT). How much is its `law`,
-written once, in symbols, for one term (a joint, a dimension, the reading): a function of signals
-of the sample (angle, rate, torque, temperature, ...), of its parameters v and of constants.
-Simulator, fit, verdict and compensator evaluate what is generated from it, derivatives by v among
-it. What is no parameter (a frequency, a time constant, the moment of a step) is a field of the
-effect: `shapes` gives the ones worth trying.
+An effect adds to the output of one stage: to the joint angles behind the encoders (DRIVE), to the
+mechanism's geometry (STRUCTURE), to the pose of the base (BASE) or to the tracker's reading
+(MEASUREMENT). Its `law` gives the amount. The law is written once, in symbols, for one term (a
+joint, a dimension, the reading): a function of signals of the sample (angle, rate, torque,
+temperature, ...), of the effect's parameters v and of constants. Simulator, fit, verdict and
+compensator evaluate code generated from it, with its derivatives by v. A quantity that is no
+parameter (a frequency, a time constant, the moment of a step) is a field of the effect; these
+fields are its shape, and `shapes` yields those worth trying.
 
-One file each; a line in `catalogue.py` makes an effect known everywhere.
+Each effect has its own file; a line in `catalogue.py` makes it known everywhere.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ Setting = float | str | tuple[float, ...]
 Limits = Mapping[str, tuple[float, float]]
 Interval = tuple[str, float, float]
 
-SENSOR = "sensor"  # the setting that names the part whose thermometer an effect goes by
-SPREAD = 5.0  # an effect may well be so many times its typical size, twenty are not to be expected
+SENSOR = "sensor"  # the setting that names the part whose thermometer an effect uses
+SPREAD = 5.0  # an effect may well be this many times its typical size; twenty is not expected
 
 
 class Stage(Enum):
-    """Where in the chain an effect adds, and the shape of its columns for n samples."""
+    """Stage of the chain at which an effect adds, and the shape of its columns for n samples."""
 
     DRIVE = "joint angle"  # (n, m, k)
     STRUCTURE = "geometry"  # (n, p, k)
@@ -68,32 +68,32 @@ class Stage(Enum):
 class Effect(ABC):
     """Base of all effects; its fields after `mechanism` are its shape."""
 
-    cause: ClassVar[str]  # by the fixed names
+    cause: ClassVar[str]  # one of the fixed names
     remedy: ClassVar[Remedy] = AS_FOUND  # what to do about it
     kind: ClassVar[str]  # drive, structure or measurement, as reported
     stage: ClassVar[Stage]
-    # whether it is any function of what it moves with: what it could draw as well is a part of it
+    # whether it can be any smooth function of its variable, so that it may imitate other causes
     free_form: ClassVar[bool] = False
-    # whether it moves all rows of its stage by each of some `functions`
+    # whether each of its `functions` moves all rows of its stage
     by_functions: ClassVar[bool] = False
-    asks_pose: ClassVar[bool] = False  # whether what is `missing` depends on the pose as well
-    # whether it changes by hundredths of what it moves the tool by: no steps, no steep slopes
+    asks_pose: ClassVar[bool] = False  # whether the answer of `missing` depends on the pose too
+    # whether a tool motion changes it by hundredths of that motion only: no steps, no steep slopes
     gentle: ClassVar[bool] = False
-    valley: ClassVar[bool] = False  # whether searched fields are set by one combination of them
-    limits: ClassVar[Limits] = {}  # of settings that are numbers
-    # those of them in the joints' unit: limits are a Delta's, and wider where its joints need it
+    valley: ClassVar[bool] = False  # whether data fix only a combination of the searched fields
+    limits: ClassVar[Limits] = {}  # smallest and largest value of each numeric setting
+    # settings in the joints' unit: their limits are a Delta's, and widen with the joint size
     of_joints: ClassVar[tuple[str, ...]] = ()
-    # what no more of the same cell's own motion can part it from, and what would
+    # measurement that separates it from its rivals if no motion of this cell alone can do so
     outside: ClassVar[str] = ""
-    called: ClassVar[str] = ""  # in sentences; by default its cause, as words
-    part: ClassVar[str] = ""  # of the machine, whose temperature it goes with
+    called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words
+    part: ClassVar[str] = ""  # part of the machine whose temperature drives it
 
-    # What the simulator makes of it: settings of which only one can be given, whether a value may
-    # as well be negative where its bounds allow that; and how the demonstrations show it.
+    # For the simulator: settings of which only one can be given, and whether a value may be
+    # negative where its bounds allow it. For the demonstrations: how they show the effect.
     one_of: ClassVar[tuple[str, ...]] = ()
     either_sign: ClassVar[bool] = True
     demo: ClassVar[Demo | None] = None
-    live_strength: ClassVar[float] = 0.0  # in the Delta's live demonstration; 0: not shown there
+    live_strength: ClassVar[float] = 0.0  # in the Delta's live demonstration; 0: not shown
 
     robot: Robot
     mechanism: Mechanism
@@ -101,50 +101,49 @@ class Effect(ABC):
     @property
     @abstractmethod
     def parameters(self) -> ParameterSet:
-        """What it is measured by: unit, expected size as prior about zero, physical bounds."""
+        """Parameters: unit, expected size (prior about zero) and physical bounds of each."""
 
     @property
     def takes(self) -> tuple[str, ...]:
-        """Signals of a sample that one term of the law takes, see signals.py."""
+        """Names of the signals that one term of the law takes, see signals.py."""
         return ()
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Conditions without which it cannot be evaluated."""
+        """Conditions without which the effect cannot be evaluated."""
         return ()
 
     @property
     def alone(self) -> tuple[tuple[str, ...], ...]:
-        """Names of parameters that often act without the others: explanations of their own."""
+        """Groups of parameters that often act alone: each is tried as its own explanation."""
         return ()
 
     @staticmethod
     def law(s: Any, v: Any, c: Any) -> Any:
-        """What one term adds to its stage, in symbols (model/symbols.py).
+        """Amount that one term adds to its stage, in symbols (model/symbols.py).
 
         Args:
-            s: its signals, as `takes` names them.
-            v: its parameters.
-            c: its constants.
+            s: signals of the term, as named by `takes`.
+            v: parameters of the term.
+            c: constants of the term.
         """
         raise NotImplementedError(s, v, c)
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Constants of a joint's term: numbers of the shape."""
+        """Constants of a joint's term, derived from the shape."""
         del joint
         return ()
 
     @property
     def variant(self) -> str:
-        """Of the law, where mechanisms differ in what a term takes."""
+        """Suffix of the law's name, if the inputs of a term differ between mechanisms."""
         return ""
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """What the law is evaluated on: once for each joint, or once for the reading.
+        """Evaluations of the law: one per joint, or one for the reading or the base's pose.
 
-        That of the base's place is one as well. A joint's term takes the joint's own of each
-        signal that joints have and the whole of any other, its own parameters and those that all
-        share, and moves that joint.
+        A joint's term takes the joint's own number of each signal that joints have, all numbers
+        of any other signal, its own parameters and the shared ones, and moves that joint.
         """
         every = {n: range(places.begin(n), places.begin(n) + places.count(n)) for n in self.takes}
         if self.on_readings:
@@ -161,17 +160,17 @@ class Effect(ABC):
 
     @property
     def on_readings(self) -> bool:
-        """Whether it lies between the platform's pose in the base and the reading."""
+        """Whether it acts between the platform's pose in the base and the reading."""
         return self.stage in (Stage.BASE, Stage.MEASUREMENT)
 
     @property
     def about(self) -> Array:
-        """Values about which the effect is linear, (k,): only of matter where it is not."""
+        """Parameter values about which the effect is linearized, (k,)."""
         return np.zeros(len(self.parameters))
 
     @property
     def stage_size(self) -> int:
-        """Numbers of its stage."""
+        """Number of quantities of its stage."""
         sizes = {
             Stage.DRIVE: self.mechanism.joints,
             Stage.STRUCTURE: len(self.mechanism.parameters),
@@ -186,71 +185,72 @@ class Effect(ABC):
         """Derivatives by the parameters at each sample, (n, d, k).
 
         Args:
-            signals: of the samples.
-            values: at which parameters, (k,); `about` where not given.
-            by_stage: how what is derived goes with the stage, (n, d, size of the stage); the stage
-                itself is derived where not given.
+            signals: signals of the samples.
+            values: parameters at which to differentiate, (k,); by default `about`.
+            by_stage: derivative of the wanted quantity by the stage, (n, d, size of the stage); by
+                default the stage itself is differentiated.
         """
         at = self.about if values is None else np.ascontiguousarray(values)
         return terms_of((self,), signals.places).columns(signals, at, by_stage)
 
     def functions(self, signals: Signals) -> Array:
-        """Functions of the sample, (n, F), by each of which it moves all rows of its stage.
+        """Functions of the sample, (n, F), each of which moves all rows of the stage.
 
-        Of an effect that is `by_functions`: its parameters are the weights of the rows, those of
-        one function after those of another.
+        For effects that are `by_functions`. The parameters are the weights of the rows, ordered
+        function by function.
         """
         raise NotImplementedError(f"{self.cause} is not made of functions")
 
     @property
     def order(self) -> float | None:
-        """Of the wave of each joint's own angle that it is, values as `waves` has them, or None.
+        """Order of the effect if it is one wave of each joint's own angle; else None.
 
-        The first half of the values are of sines, each of a joint, the others of cosines.
+        The first half of the values are amplitudes of sines, one per joint, the others of cosines:
+        see `waves`.
         """
         return None
 
     @property
     def stands(self) -> bool:
-        """Whether it takes anything of a machine that stands somewhere: pose, loads."""
+        """Whether it takes signals that require the machine's pose: pose, geometry, loads."""
         return standing_asked(self.takes)
 
     def nominal(self, at: Conditions) -> Signals:
-        """The signals of the drawing's machine under these conditions."""
+        """Signals of the nominal machine under these conditions."""
         asked = _asked(self.mechanism, self.takes)
         if self.stage is Stage.MEASUREMENT or (not asked and not standing_asked(self.takes)):
             return recorded(self.mechanism, at)
         return nominal(self.robot, self.mechanism, at, asked)
 
     def columns(self, at: Conditions) -> Array:
-        """The same of the drawing's machine under these conditions."""
+        """Derivatives by the parameters for the nominal machine, see `columns_of`."""
         return self.columns_of(self.nominal(at))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """The same effect with each shape that such data could tell; itself alone by default."""
+        """Yield the effect in each shape that such data could identify; by default itself."""
         del at
         yield self
 
     def forms(self) -> Iterator[Effect]:
-        """The same effect in each form that has a law of its own; itself alone by default."""
+        """Yield the effect in each form that has a law of its own; by default itself."""
         yield self
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:
-        """Shapes that are tried once the cause was found; those of the search by default."""
+        """Yield the shapes tried once the cause was found; by default those of the search."""
         yield from self.shapes(at)
 
     def regressor(self, at: Conditions) -> Regressor:
-        """Quantity that gives it away: the horizontal axis of its picture in the report."""
+        """Quantity that the effect depends on: horizontal axis of its picture in the report."""
         del at
         return ANGLE
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """Samples that its picture tells apart by colour, for the panel of a joint (index)."""
+        """Groups of samples with a colour each in its picture, for a joint's panel (index)."""
         del joint
         return all_together(at)
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
-        """Settings that it has in a simulated machine where none are given.
+        """Default settings of the effect in a simulated machine.
 
         Args:
             thermometers: parts of the machine whose temperature is measured.
@@ -260,15 +260,15 @@ class Effect(ABC):
 
     @property
     def moves_with(self) -> str | None:
-        """What a map that claims no cause moves with; None for an effect that is a cause."""
+        """Quantity that a smooth map without a cause depends on; None for a cause."""
         return None
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Searched fields, and the bounds within which the best shape lies about this one."""
+        """Searched fields, with bounds around this shape that contain the best shape."""
         return ()
 
     def bounded_intervals(self) -> tuple[Interval, ...]:
-        """The same as far as the limits of its settings reach: a file can hold no more."""
+        """`intervals` cut to the limits of the settings, because a file can hold no more."""
         within = ((name, *self._within(name, low, high)) for name, low, high in self.intervals())
         return tuple((name, low, high) for name, low, high in within if low < high)
 
@@ -278,60 +278,61 @@ class Effect(ABC):
         least, most = self._limits(name)
         return max(low, least), min(high, most)
 
-    # what searched fields are called in a verdict, and their unit; the joints' for "rad"
+    # name and unit of the searched fields in a verdict; "rad" stands for the joints' unit
     told: ClassVar[Mapping[str, tuple[str, str]]] = {}
 
     @property
     def chosen(self) -> dict[str, str]:
-        """What a verdict says of the shape in words, by name; nothing by default."""
+        """Properties of the shape that a verdict states in words, by name; none by default."""
         return {}
 
     def refined(self, values: Array) -> Effect:
-        """The same effect with the shape that these values of its parameters (k,) go with."""
+        """The effect in the shape that follows from these values of its parameters (k,)."""
         del values
         return self
 
     def doubt(self) -> Effect | None:
-        """What a standard deviation of what its conditions leave open moves, a value a parameter.
+        """Effect of one standard deviation of an input that is not known exactly.
 
-        None where they are known well enough. It widens stated intervals (GUM, type B).
+        It has the same parameters as this effect and widens stated intervals (GUM, type B). None
+        if the inputs are known well enough.
         """
         return None
 
     @property
     def suits(self) -> bool:
-        """Whether the mechanism has what it acts on."""
+        """Whether the mechanism has the part that the effect acts on."""
         return True
 
     @property
     def unsuited(self) -> str:
-        """Why it does not suit, where it does not."""
+        """Reason why the effect does not suit the mechanism."""
         return f"a {self.mechanism.name} has no such part"
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """A form of the cause that such data show as something else, however well they were taken.
+        """A form of the cause that such data cannot distinguish from another cause.
 
         Returns:
-            What it is called, the cause that it is taken for, why, and what would tell; None where
-            there is no such form.
+            Its name, the cause that it is taken for, the reason, and the measurement that would
+            separate them; None if there is no such form.
         """
         del at
         return None
 
     @classmethod
     def shaped(cls, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]) -> Effect:
-        """The effect in the shape of a file's settings."""
+        """Create the effect in the shape given by a file's settings."""
         shape: dict[str, Any] = dict(settings)
         return cls(robot, mechanism, **shape)
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """The fields that are its shape, as a file holds them."""
+        """Fields that make up the shape, as stored in a file."""
         own = [f.name for f in fields(self) if f.name not in ("robot", "mechanism")]
         return {name: getattr(self, name) for name in own}
 
     def wrong(self) -> str:
-        """What its shape cannot be: setting, value, what is allowed; empty where it can be."""
+        """Reason why the shape is invalid: setting, value, what is allowed; empty if valid."""
         for name in self.limits:
             low, high = self._limits(name)
             value = self.settings[name]
@@ -348,7 +349,7 @@ class Effect(ABC):
         return low * min(1.0, size), high * max(1.0, size)
 
     def missing(self, at: Conditions) -> str:
-        """Why these conditions do not do to evaluate it; empty where they do."""
+        """Reason why the effect cannot be evaluated under these conditions; empty if it can."""
         known = np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all()
         if "payload" in self.needs and not known:
             return "the payload is not known"
@@ -357,22 +358,22 @@ class Effect(ABC):
         return ""
 
     def remedied(self, lacking: str) -> str:
-        """What to do about what is `missing`, so that it can be evaluated."""
+        """What to do about the condition that is `missing`."""
         if "known" in lacking:
             return f"record it: {' and '.join(self.needs)}"
         return "measure under conditions in which they differ"
 
     @property
     def bound_to_session(self) -> bool:
-        """Whether it goes by the clock of the session it was found in, and ends with it."""
+        """Whether it depends on the clock of its session, and so is not valid in another."""
         return False
 
     def each_joint(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
     ) -> ParameterSet:
-        """One parameter a joint, `name` with the joint's number.
+        """One parameter per joint, `name` with the joint's number.
 
-        What is given in radians is of a joint that turns; of another as much as does the same.
+        Sizes in radians are those of a Delta's joint; others have them times their joint size.
         """
         unit, size = self._of_joints(unit)
         sizes = (size * prior, size * lower, size * upper)
@@ -383,7 +384,7 @@ class Effect(ABC):
     def waves(self, prior: float, bound: float, count: int = 1) -> ParameterSet:
         """Amplitudes of one or two waves of each joint: the sines of all, then the cosines.
 
-        In radians of a joint that turns; of another as much as does the same.
+        Sizes are in radians of a Delta's joint; others have them times their joint size.
         """
         unit, size = self._of_joints("rad")
         sizes = (size * prior, -size * bound, size * bound)
@@ -391,11 +392,11 @@ class Effect(ABC):
         return _one_a_joint(self.cause, names[: 2 * count], unit, sizes, own.limb, own.joints)
 
     def unit_of(self, unit: str) -> str:
-        """A unit with the joints' own in the place of the radian."""
+        """A unit with the joints' unit in place of the radian."""
         return self._of_joints(unit)[0]
 
     def _of_joints(self, unit: str) -> tuple[str, float]:
-        """The unit for these joints, and how many of it do what one radian does."""
+        """Unit for these joints, and the number of it equivalent to one radian of a Delta."""
         if not unit.startswith("rad"):
             return unit, 1.0
         return unit.replace("rad", self.mechanism.joint_unit, 1), self.mechanism.joint_size
@@ -409,30 +410,30 @@ class Effect(ABC):
 
 @dataclass(frozen=True)
 class StageTerms:
-    """What some effects of one stage do together, compiled."""
+    """Compiled terms of some effects of one stage."""
 
     table: Table
     size: int  # of the stage
     asked: int  # loads that they need, see signals.py
-    stands: bool  # whether they need a machine that stands somewhere
+    stands: bool  # whether they need the machine's pose
     laws: tuple[Law, ...]  # that were compiled for them
 
     def shifts(self, signals: Signals, values: Array) -> Array:
-        """What they add with these values (k,) at every sample, (n, size)."""
+        """Sum of the effects with these values (k,) at every sample, (n, size)."""
         return np.asarray(terms.shifts(self.table, signals.rows, values, self.size))
 
     def firsts(self, signals: Signals, values: Array) -> Array:
-        """What each term adds to the first of the rows that it moves, (n, terms)."""
+        """Amount that each term adds to the first of the rows that it moves, (n, terms)."""
         return np.asarray(terms.firsts(self.table, signals.rows, values))
 
     def columns(self, signals: Signals, values: Array, by_stage: Array | None = None) -> Array:
-        """Derivatives by their values (k,), (n, d, k), see `Effect.columns_of`."""
+        """Derivatives by the values (k,), (n, d, k), see `Effect.columns_of`."""
         through = np.eye(self.size)[None] if by_stage is None else np.ascontiguousarray(by_stage)
         return np.asarray(terms.columns(self.table, signals.rows, values, through))
 
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
-    """Effects of drives, structure and base, whose values stand in theta, as compiled."""
+    """Compiled effects of drives, structure and base, whose values are parts of theta."""
     stages = (Stage.DRIVE, Stage.STRUCTURE, Stage.BASE)
     tables = [table_of_stage(stage, effects, each, places) for stage in stages]
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
@@ -448,7 +449,7 @@ def asked_of_stages(effects: Sequence[Effect]) -> int:
 
 
 def _loaded(mechanism: Mechanism, tables: Sequence[Any], places: Places) -> list[int]:
-    """Parameters of a limb, by their places in its law, that any term takes the load of."""
+    """Indices, in a limb's law, of the dimensions whose load any term takes."""
     begin = places.begin(LOAD)
     taken = {int(signal) - begin for table in tables for signal in table.signal}
     of_limbs = (enumerate(limb.dimensions) for limb in mechanism.limbs)
@@ -463,13 +464,13 @@ def _taken(effects: Sequence[Effect]) -> list[str]:
 def table_of_stage(
     stage: Stage, effects: Sequence[Effect], each: Sequence[slice], places: Places
 ) -> Table:
-    """Terms of the effects of one stage, whose values stand in theta (model/terms.py)."""
+    """Terms of the effects of one stage, whose values are parts of theta (model/terms.py)."""
     here = [(e, part) for e, part in zip(effects, each, strict=True) if e.stage is stage]
     return table_of(_parts(here, places))
 
 
 def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
-    """Loads that these signals need; pulls are of limbs that can do nothing else."""
+    """Loads that these signals need; pulls exist only for limbs that can only pull."""
     of_pulls = () if mechanism.pulls else OF_PULLING
     return asked_of(name for name in names if name not in of_pulls)
 
@@ -477,7 +478,7 @@ def _asked(mechanism: Mechanism, names: Iterable[str]) -> int:
 def _parts(
     effects: Sequence[tuple[Effect, slice]], places: Places
 ) -> list[tuple[Law, tuple[Term, ...], int]]:
-    """Law, terms and begin of the values of each effect."""
+    """Law, terms and first index of the values of each effect."""
     parts = []
     for effect, part in effects:
         terms = tuple(effect.terms(places))
@@ -487,13 +488,13 @@ def _parts(
 
 
 def law_for(effect: Effect, term: Term) -> Law:
-    """The law of an effect's terms; `term` is any of them, their sizes are alike."""
+    """The law of an effect's terms; `term` is any of them, as all have the same sizes."""
     sizes = len(term.signals), len(term.values), len(term.constants), len(term.outputs)
     return law_of(effect.law, f"effect_{effect.cause}{effect.variant}", sizes)
 
 
 def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
-    """The terms of effects of one stage; their values follow each other."""
+    """Compile the terms of effects of one stage; their values are concatenated."""
     ends = accumulate((len(effect.parameters) for effect in effects), initial=0)
     spans = [slice(*span) for span in pairwise(ends)]
     parts = _parts(list(zip(effects, spans, strict=True)), places)
@@ -507,7 +508,7 @@ def terms_of(effects: Sequence[Effect], places: Places) -> StageTerms:
     )
 
 
-@cache  # a search asks for those of each effect thousands of times
+@cache  # a search asks for the parameters of each effect thousands of times
 def _one_a_joint(
     cause: str,
     names: tuple[str, ...],
@@ -516,7 +517,7 @@ def _one_a_joint(
     limb: str,
     joints: int,
 ) -> ParameterSet:
-    """Each name with the number of each joint; prior, lower and upper bound of each."""
+    """Parameters of each name for each joint; `sizes`: prior, lower and upper bound."""
     prior, *bounds = sizes
     return ParameterSet(
         tuple(
@@ -529,13 +530,13 @@ def _one_a_joint(
 
 @cache
 def law_of(express: Callable[..., Any], name: str, sizes: tuple[int, int, int, int]) -> Law:
-    """An effect's law; sizes of its signals, parameters, constants and outputs."""
+    """An effect's law; `sizes`: number of signals, parameters, constants and outputs."""
     groups = tuple(zip("svc", sizes[:3], strict=True))
     return Law(name, groups, sizes[3], express, full=("v",))
 
 
 def _stand() -> Any:
-    """The compiled chain."""
+    """Module of the compiled chain; imported late."""
     from delta_calibration.model import stand
 
     return stand

@@ -1,17 +1,19 @@
-"""A base on soft feet: it sinks and tilts by what the machine presses on it.
+"""A base on compliant feet: it sinks and tilts under the forces of the machine.
 
 d = (F_x + k b_y, F_y - k b_x, F_z) / K with k = K h
 b = (2 (M_x - h F_y), 2 (M_y + h F_x), M_z) / (K r^2)
 
-F and M are force and moment on the base about its origin, by weight and inertia of all that moves
-(model/loads.py); d shifts the base and b turns it. Three or more equal feet stand evenly on a
-circle of radius r, h under the origin, K together and as stiff to the side as upright. What is
-constant is a place of the base like any other, and the tracker's frame has it: only what changes
-with pose, payload and motion shows. Valid where motions are slow against the swinging of the base.
+F and M are force and moment on the base about its origin, by weight and inertia of all moving
+parts (model/loads.py); d shifts the base and b turns it. Three or more equal feet stand evenly on
+a circle of radius r, h below the origin. Together they have the stiffness K, the same sideways and
+upright. A constant displacement of the base is absorbed by the tracker's frame: only changes with
+pose, payload and motion are identifiable. Valid for motions that are slow compared with the
+natural vibration of the base on its feet.
 
-Feet stand below all that moves. That is what tells them from drives and rods that give: the base's
-tilt leads a load outwards, and what gives above it lets it sink inwards. A base that hangs from
-mounts above its platform moves it as rods and drives do, and nothing here tells it from them.
+Feet stand below all moving parts, which distinguishes them from compliant drives and rods: a
+tilting base moves a load outwards, compliance above it lets the load sink inwards. A base that
+hangs from mounts above its platform moves the load as rods and drives do; the effect cannot
+distinguish it from them.
 
 Source: stiffness matrix of a body on equal springs, e.g. E. Rivin, Passive Vibration Isolation,
 ASME Press 2003.
@@ -35,19 +37,20 @@ from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model.symbols import Symbol, column
 from delta_calibration.parameters import ParameterSet
 
-# 110 kg of machine and frame on feet of this give swing at 30 Hz, the least that a maker asks of
-# what an arm stands on (ABB, IRB 4400 product manual 3HAC022032-001, loads on foundation).
+# 110 kg of machine and frame on feet of this compliance vibrate at 30 Hz, the least that a maker
+# requires of an arm's foundation (ABB, IRB 4400 product manual 3HAC022032-001, loads on
+# foundation).
 _GIVE = 2.5e-7  # [m/N]
-_SOFTEST = 2e-5  # [m/N] 50 kg at 5 Hz: an isolator's figure (Rivin 2003)
+_SOFTEST = 2e-5  # [m/N] 50 kg at 5 Hz: typical of vibration isolators (Rivin 2003)
 # [m] from base or platform down to the feet: on a plate beneath, on a table, on the floor
 _BELOW = (0.15, 0.5, 1.5)
-_RADII = (0.25, 0.5, 1.0)  # [m] a pedestal's, a table's, a portal's about the workspace
+_RADII = (0.25, 0.5, 1.0)  # [m] of a pedestal, a table, a portal around the workspace
 _UNWEIGHED = "the robot file states no masses"
 
 
 @dataclass(frozen=True)
 class BaseCompliance(Effect):
-    """Elastic give of the feet that the base, or its frame, stands on."""
+    """Elastic compliance of the feet that the base, or its frame, stands on."""
 
     cause: ClassVar[str] = "base_compliance"
     remedy: ClassVar[Remedy] = Remedy(
@@ -69,18 +72,18 @@ class BaseCompliance(Effect):
         "radius": ("radius_m", "m"),
     }
 
-    depth: float = 1.2  # [m] of the feet under the base's origin
+    depth: float = 1.2  # [m] of the feet below the base's origin
     radius: float = 0.5  # [m] of the circle that they stand on
 
     @property
     def suits(self) -> bool:
-        """Whether its file can say what it weighs, and it has one base: cables have posts."""
+        """Whether the robot file can state its masses, and it has a single base, not posts."""
         weighed = self.mechanism.Masses is not None or isinstance(self.mechanism, SerialArm)
         return weighed and not self.mechanism.pulls
 
     @property
     def parameters(self) -> ParameterSet:
-        """How far the base sinks for each newton on it, 1 / K [m/N]."""
+        """Compliance 1 / K of all feet together [m/N]: how far the base sinks per newton."""
         return self.shared("give", "m/N", _GIVE, 0.0, _SOFTEST)
 
     @staticmethod
@@ -104,49 +107,49 @@ class BaseCompliance(Effect):
         return self.depth, self.radius
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Feet near and far below all that moves, near to each other and far apart."""
+        """Feet at several depths below all moving parts, on circles of several radii."""
         del at
         deepest = self.limits["depth"][1]
         for below, radius in product(_BELOW, _RADII):
             yield replace(self, depth=min(self._reach + below, deepest), radius=radius)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Between the neighbours of the search; below all that moves."""
+        """Depth and radius between their neighbours in the search, below all moving parts."""
         reach, r = self._reach, self.radius
         below = max(self.depth - reach, _BELOW[0])
         return ("depth", reach + below / 2, reach + 2 * below), ("radius", r / 2, 2 * r)
 
     @property
     def _reach(self) -> float:
-        """How far under the base the platform is in the middle of its workspace, or 0 [m]."""
+        """Depth of the platform at home below the base's origin, at least 0 [m]."""
         model = self.mechanism
         x = model.forward(model.home[None], model.parameters.nominal)
         return float(max(0.0, -x[0, 2]))
 
     def missing(self, at: Conditions) -> str:
-        """Also where nobody has stated what the links of an arm weigh (`mass_kg`)."""
+        """Also masses that the robot file does not state (`mass_kg` of an arm's links)."""
         if not self.mechanism.weights(self.robot.masses).any():
             return _UNWEIGHED
         return super().missing(at)
 
     def remedied(self, lacking: str) -> str:
-        """State the masses, where these are what is missing."""
+        """Advice to state the masses, if these are missing."""
         if lacking == _UNWEIGHED:
             return "state mass_kg of the links in the robot file"
         return super().remedied(lacking)
 
     def regressor(self, at: Conditions) -> Regressor:
-        """Moment that tilts the base, of the nominal machine."""
+        """Moment of the nominal machine that tilts the base."""
         del at
         return Regressor("moment that tilts the base [N m]", self._moment)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By payload."""
+        """Groups by payload."""
         del joint
         return by_payload(at)
 
     def _moment(self, at: Conditions, joint: int) -> Array:
-        """About x, about y or the length of both, by the joint's number, (n,) [N m]."""
+        """Moment about x (joint 0), about y (joint 1), or its magnitude (others), (n,) [N m]."""
         moment = self.nominal(at).of(REACTION)[:, 3:5]
         if joint < 2:
             return np.asarray(moment[:, joint])

@@ -1,8 +1,8 @@
-"""Cables that stretch under their pull.
+"""Elastic stretch of cables under tension.
 
     l = (l_0 / (1 + T_0 / EA) + k theta) (1 + T / EA)        dl = (T l - T_0 l_0) / EA
 
-to first order in T / EA: what was let out is unstretched, and the counter was zero under T_0.
+to first order in T / EA: the length let out is unstretched, and the counter was zero under T_0.
 """
 
 from __future__ import annotations

@@ -20,13 +20,13 @@ from delta_calibration.parameters import ParameterSet
 
 
 def slack_of_sag(chord: Symbol, level: Symbol, pull: Symbol) -> Symbol:
-    """Arc less chord [m] for a weight of 1 N/m; chord and its horizontal part `level` [m]."""
+    """Arc minus chord [m] for a weight of 1 N/m; chord and its horizontal part `level` [m]."""
     return level**2 * chord / (24 * pull**2)
 
 
 @dataclass(frozen=True)
 class CableSag(CableEffect):
-    """Sag of all cables, of one kind; cables that are slack have no answer here."""
+    """Sag of all cables, which are of one kind; not defined for slack cables."""
 
     cause: ClassVar[str] = "cable_sag"
     remedy: ClassVar[Remedy] = Remedy(
@@ -46,7 +46,7 @@ class CableSag(CableEffect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """Arc less chord, as an angle that lets out less."""
+        """Arc minus chord relative to home, as a negative motor angle."""
         own = cable(s, c)
         more = slack_of_sag(length(own.at), level(own.at), own.pull)
         at_home = slack_of_sag(length(own.home), level(own.home), own.pull_home)
@@ -64,6 +64,6 @@ class CableSag(CableEffect):
         return super().columns_of(signals, values, by_stage)
 
     def missing(self, at: Conditions) -> str:
-        """The payload, or tension in every cable."""
+        """Payload that is not known, or a slack cable."""
         said = super().missing(at)
         return said or ("a cable is slack" if (self.pulls(self.nominal(at)) <= 0).any() else "")

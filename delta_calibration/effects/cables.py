@@ -1,9 +1,9 @@
-"""What the effects on a cable robot share: lengths let out otherwise than k theta says.
+"""Base of the effects on a cable robot: cable lengths that differ from k theta.
 
     |a - P - R b| = l_0 + k theta + dl        dl = change(at) - change(home)
 
-Whatever changes the length between anchor and platform acts as the angle dl / k behind the
-encoder, so all of these are of the chain's first stage. What it does at home went into the
+Any change of the length between anchor and platform acts as the angle dl / k behind the encoder,
+so all these effects belong to the chain's first stage. The change at home is part of the
 counter's zero. A drive that counts the other way reads -dl / k.
 """
 
@@ -33,7 +33,7 @@ WINCH = 4  # constants of a cable before its home pose: gear, tackle, sense and 
 
 @dataclass(frozen=True)
 class CableEffect(Effect):
-    """Base of the effects on cables; one parameter for all of them."""
+    """Base of the effects on cables, with one parameter shared by all cables or one each."""
 
     stage: ClassVar[Stage] = Stage.DRIVE
     gentle: ClassVar[bool] = True
@@ -52,11 +52,11 @@ class CableEffect(Effect):
 
     @property
     def variant(self) -> str:
-        """A point or a body."""
+        """Variant of the mechanism: a point or a body."""
         return self.mechanism.variant
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each cable: what it carries, its pose and dimensions; its winch and its home."""
+        """One term per cable: joint, pulls, pose, dimensions; constants of winch and home."""
         d, shared = self.cables.dimensions, len(self.parameters) == 1
         drives = self.mechanism.drives
         pose = range(places.begin(POSE), places.begin(POSE) + self.mechanism.pose_size)
@@ -76,20 +76,20 @@ class CableEffect(Effect):
 
 @dataclass(frozen=True)
 class Cable:
-    """A cable's signals and constants by their names, in symbols."""
+    """Named signals and constants of a cable, in symbols."""
 
-    angle: Symbol  # that the motor is turned by from home, letting out [rad]
+    angle: Symbol  # motor angle from home, positive where it lets out [rad]
     pull: Symbol  # [N]
     pull_home: Symbol  # [N]
     at: Symbol  # vector from anchor to platform joint [m]
-    home: Symbol  # the same at home
-    gain: Symbol  # k [m/rad] of what the drive reads, negative where it counts letting out down
+    home: Symbol  # the same vector at home
+    gain: Symbol  # k [m/rad] of the drive's reading, negative if that falls on letting out
     gear: Symbol
     tackle: Symbol
 
 
 def cable(s: Symbol, c: Symbol) -> Cable:
-    """The cable of a term."""
+    """Named quantities of a term's cable, from its signals s and constants c."""
     size = c.shape[0] - WINCH  # of the pose
     x, g = s[_PULLS : _PULLS + size], s[_PULLS + size :]
     here, home = (_end(pose, g) - g[0:3] for pose in (x, c[WINCH:]))
@@ -99,15 +99,15 @@ def cable(s: Symbol, c: Symbol) -> Cable:
 
 
 def length(v: Symbol) -> Symbol:
-    """Of a vector [m]."""
+    """Length of a vector [m]."""
     return norm(v)
 
 
 def level(v: Symbol) -> Symbol:
-    """Horizontal part of a vector [m]."""
+    """Horizontal length of a vector [m]."""
     return sqrt(v[0] ** 2 + v[1] ** 2)
 
 
 def _end(x: Symbol, g: Symbol) -> Symbol:
-    """Where the cable ends on the platform [m]."""
+    """Position of the cable's end on the platform [m]."""
     return x[0:3] + rotation(x[3:6]) @ g[3:6] if x.shape[0] == 6 else x[0:3]

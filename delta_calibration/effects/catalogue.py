@@ -1,4 +1,4 @@
-"""Every effect there is. One of the package is a file of its own and a line here."""
+"""Catalogue of all effects: each effect of the package has its own file and a line here."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
 
 
 def called() -> dict[str, str]:
-    """What causes are called in sentences, of those that have a name for that."""
+    """Names of causes in sentences, for those causes that have such a name."""
     every: tuple[type[Effect], ...] = (*EFFECTS.values(), Unexplained, FoundLaw)
     return {effect.cause: effect.called for effect in every if effect.called}
 
@@ -98,11 +98,11 @@ def called() -> dict[str, str]:
 def effect_named(
     cause: str, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]
 ) -> Effect:
-    """An effect by its cause, in a shape.
+    """Create an effect from its cause and the settings of its shape.
 
     Raises:
-        InputError: no effect of that cause, none that has such settings, or a value that is not
-            allowed; says which is.
+        InputError: an unknown cause, one that does not suit the machine, an unknown setting, or a
+            value that is not allowed; states which are.
     """
     known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained, FOUND_LAW: FoundLaw}
     if cause not in known:
@@ -126,7 +126,7 @@ def effect_named(
 
 
 def _like(usual: Setting, value: object, name: str) -> Setting:
-    """The value, if it is of the kind that the setting has."""
+    """The value, if it has the type of the setting's usual value; else an `InputError`."""
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if isinstance(usual, str) and isinstance(value, str):
         return value

@@ -1,4 +1,4 @@
-"""How `delta-cal demo` shows an effect."""
+"""Settings with which `delta-cal demo` shows an effect."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Demo:
-    """An effect hidden in the demonstration's machine, and the session that shows it.
+    """Session that shows an effect hidden in the demonstration's machine.
 
-    Of several that suit a machine the first in the catalogue is taken, one that is not `general`
-    before one that is.
+    If several effects suit a machine, the first in the catalogue is taken, with those that are
+    not `general` before those that are.
     """
 
-    plan: str  # by name
-    count: int  # of the plan's points
-    strength: float = 3.0  # typical sizes
+    plan: str  # name of the plan
+    count: int  # number of the plan's points
+    strength: float = 3.0  # in typical sizes
     general: bool = False  # whether machines of nearly every kind can have it

@@ -1,4 +1,4 @@
-"""Cable wound over cable: the drum's radius falls as cable leaves it.
+"""Layers of cable on a drum: the effective radius falls as cable leaves it.
 
     d(r^2)/d(length wound) = c        2 r dr = -c r dphi        r = r_0 - c phi / 2
 
@@ -18,13 +18,13 @@ from delta_calibration.parameters import ParameterSet
 
 
 def let_out(turn: Symbol, radius: Symbol, build_up: Symbol) -> Symbol:
-    """Length that leaves a drum turned by `turn` [rad] from where it has `radius` [m]; [m]."""
+    """Length [m] let out by a drum turned by `turn` [rad] from where it has `radius` [m]."""
     return radius * turn - build_up * turn**2 / 4
 
 
 @dataclass(frozen=True)
 class DrumBuildUp(CableEffect):
-    """Layers of cable on all drums alike; the drawing's radius is the one at home."""
+    """Equal layers of cable on all drums; the radius of the drawing is that at home."""
 
     cause: ClassVar[str] = "drum_build_up"
     remedy: ClassVar[Remedy] = Remedy(

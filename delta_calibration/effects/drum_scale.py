@@ -1,4 +1,4 @@
-"""A drum a little larger or smaller than drawn.
+"""Radius error of a drum, slightly larger or smaller than drawn.
 
 dl = s k theta
 """
@@ -20,7 +20,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DrumScale(CableEffect):
-    """Each drum lets out more than its counter says, in proportion."""
+    """Each drum lets out more cable than its counter reads, in proportion."""
 
     cause: ClassVar[str] = "drum_scale"
     remedy: ClassVar[Remedy] = Remedy(
@@ -44,14 +44,14 @@ class DrumScale(CableEffect):
         return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """What the drive reads at that zero."""
+        """Drive reading at that zero."""
         return (float(self.mechanism.drives.zero[joint]),)
 
     @property
     def variant(self) -> str:
-        """None: it asks for nothing of a cable's."""
+        """Empty, because the law takes nothing that differs between cable robots."""
         return ""
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each joint."""
+        """One term per joint."""
         return Effect.terms(self, places)

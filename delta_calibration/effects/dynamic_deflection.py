@@ -1,9 +1,9 @@
-"""Drives that give way to the inertia they accelerate, and hold the weight they carry.
+"""Deflection of drives by the inertia that they accelerate, but not by weight.
 
 dq = -J^T M a / k
 
-A control that integrates takes up what is steady, and gives way to what is quick. A spring gives
-way to both: joint_compliance.
+A controller with integral action compensates steady loads and yields to quick ones. A spring
+yields to both: joint_compliance.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DynamicDeflection(DeltaLoadEffect):
-    """Give of the drives to what it takes to accelerate arms, rods, platform and payload."""
+    """Deflection of the drives by the torque that accelerates arms, rods, platform, payload."""
 
     cause: ClassVar[str] = "dynamic_deflection"
     remedy: ClassVar[Remedy] = Remedy(

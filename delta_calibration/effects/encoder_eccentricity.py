@@ -1,6 +1,6 @@
-"""A code disc off its axis.
+"""Eccentricity of an encoder's code disc.
 
-dq = a sin q + b cos q        412 e/D arc seconds, e in um, D in mm
+dq = a sin q + b cos q        amplitude 412 e/D arc seconds: eccentricity e in um, diameter D in mm
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class EncoderEccentricity(Effect):
-    """One cycle a turn of the joint."""
+    """Error of one cycle per turn of the joint."""
 
     cause: ClassVar[str] = "encoder_eccentricity"
     remedy: ClassVar[Remedy] = Remedy(

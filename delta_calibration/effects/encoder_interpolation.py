@@ -1,21 +1,21 @@
-"""An encoder that divides the periods of its signals unevenly.
+"""Interpolation error of an encoder: it divides its signal periods unevenly.
 
-    dq = a sin(N q) + b cos(N q) + c sin(2 N q) + d cos(2 N q)        N: periods a turn
+    dq = a sin(N q) + b cos(N q) + c sin(2 N q) + d cos(2 N q)        N: periods per turn
 
-Offsets of the two signals, sine and cosine, make the first pair, unequal amplitudes and a phase
-that is not 90 degrees the second (Heydemann, Applied Optics 20 (1981) 3382). N is what the robot
-file states, `joints.encoder_lines`: it is not sought. Over all the N that encoders have a search
-would find something in any noise; and up to some hundred periods a turn it is what
-`transmission_error` seeks, which does exactly the same there. Nobody looks for it where it could
-not be seen: where its bound is less than what the joints' rest scatters by, or a period is less
-than twice the travel over which readings in motion are averaged (data/poses.py). So it is on a
-motor behind a gear. Longer periods lose a part there that the spacing of the readings decides;
-stated intervals count all that can be lost.
+Offsets of the sine and cosine signals cause the first pair of terms; unequal amplitudes and a
+phase other than 90 degrees cause the second (Heydemann, Applied Optics 20 (1981) 3382). N is
+stated in the robot file, `joints.encoder_lines`, and is not searched: a search over all the N of
+encoders would find something in any noise, and up to some hundred periods per turn
+`transmission_error`, which has the same effect there, already searches. The effect is not tried
+where it could not be seen: where its bound is less than the repeatability of the joints, or a
+period is less than twice the travel over which readings in motion are averaged (data/poses.py).
+An encoder on a motor behind a gear is such a case. Averaging attenuates longer periods too, by an
+amount that depends on the spacing of the readings; stated intervals include the largest loss.
 
-Leaves out slower parts: a disc off its axis is `encoder_eccentricity`.
+Leaves out slower errors: an eccentric disc is `encoder_eccentricity`.
 
-Sizes: about 1 % of a signal's period of exposed linear encoders (catalogue Exposed Linear
-Encoders, HEIDENHAIN, "position error within one signal period"); more of magnetic ones and of
+Sizes: about 1 % of the signal period for exposed linear encoders (catalogue Exposed Linear
+Encoders, HEIDENHAIN, "position error within one signal period"); more for magnetic ones and for
 those that are out of adjustment.
 """
 
@@ -33,13 +33,13 @@ from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import RATE, Signals
 from delta_calibration.parameters import ParameterSet
 
-_USUAL, _MOST = 0.01, 0.05  # of a period
+_USUAL, _MOST = 0.01, 0.05  # expected amplitude and its bound, as shares of a period
 _ORDERS = 2
 
 
 @dataclass(frozen=True)
 class EncoderInterpolation(HarmonicEffect):
-    """Sub-divisional error of each joint's encoder, once and twice a period of its signals."""
+    """Sub-divisional error of each joint's encoder, once and twice per signal period."""
 
     cause: ClassVar[str] = "encoder_interpolation"
     remedy: ClassVar[Remedy] = Remedy(
@@ -52,12 +52,12 @@ class EncoderInterpolation(HarmonicEffect):
 
     @property
     def suits(self) -> bool:
-        """Whether the robot file states the periods, and they are long enough to be seen."""
+        """Whether the robot file states the periods, and they are long enough to be detected."""
         return self.robot.joints.encoder_lines > 0 and self._period >= self._shortest
 
     @property
     def unsuited(self) -> str:
-        """That no periods are stated, or that they are too short to be seen."""
+        """Reason: no periods are stated, or they are too short to be detected."""
         sliding = self.mechanism.joint_unit == "m"
         stated = f"joints.{'encoder_periods_per_m' if sliding else 'encoder_lines'}"
         if self.robot.joints.encoder_lines <= 0:
@@ -67,35 +67,35 @@ class EncoderInterpolation(HarmonicEffect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """a, b, c and d of each joint, in parts of a period [rad], or [m] of one that slides."""
+        """Amplitudes a, b, c, d of each joint [rad or m]; sizes are shares of a period."""
         period = self._period / self.mechanism.joint_size
         return self.waves(_USUAL * period, _MOST * period, _ORDERS)
 
     @property
     def orders(self) -> tuple[float, ...]:
-        """Orders of the waves: once and twice a period of the encoder's lines."""
+        """Orders of the waves: once and twice per period of the encoder's lines."""
         lines = self.robot.joints.encoder_lines
         return tuple((order + 1) * lines for order in range(_ORDERS))
 
     def doubt(self) -> Effect | None:
-        """What readings in motion lose of it by being averaged."""
+        """Part of the error that averaging removes from readings in motion."""
         return _Averaged(self.robot, self.mechanism, self)
 
     @property
     def _period(self) -> float:
-        """Of the signals, in the joints' unit."""
+        """Signal period, in the joints' unit."""
         return 2 * np.pi / self.robot.joints.encoder_lines
 
     @property
     def _shortest(self) -> float:
-        """Period from which on it can be seen, in the joints' unit."""
+        """Shortest period that can be detected, in the joints' unit."""
         averaged = 2 * BLOCK * self.mechanism.joint_size
         return max(averaged, self.robot.joints.repeatability / _MOST)
 
 
 @dataclass(frozen=True)
 class _Averaged(Effect):
-    """The most that an average over a block of travel takes from each wave."""
+    """Largest part of each wave that averaging over a block of travel removes."""
 
     cause: ClassVar[str] = "encoder_averaged"
     kind: ClassVar[str] = "drive"
@@ -105,13 +105,13 @@ class _Averaged(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Those of the error."""
+        """Parameters of the interpolation error."""
         return self.error.parameters
 
     def columns_of(
         self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
     ) -> Array:
-        """See `Effect.columns_of`; a joint's share of a block is that of the quickest one."""
+        """See `Effect.columns_of`; the fastest joint travels a block, others in proportion."""
         full, rate = self.error.columns_of(signals), np.abs(signals.of(RATE))
         most = rate.max(axis=1, keepdims=True)
         share = np.divide(rate, most, out=np.zeros_like(rate), where=most > 0)

@@ -1,27 +1,27 @@
-"""A tool flange that gives: the tool shifts and turns under what it carries.
+"""Compliance of the tool flange: the tool shifts and turns under the payload.
 
     u = F / K + w x h z        w = (M - (z . M) z / 2) / k        M = (h z + c) x F
 
 F and M are force and moment of the payload on the flange, by its weight and inertia
 (model/loads.py), z is the tool's axis, the flange lies h behind the tool centre point along it,
-and c leads from there to the payload's centre. Screws that stand evenly on a circle are as soft
-to turn about the axis as half of what they are about a diameter; a sensor for forces, a changer
-of tools and an adapter between flange and tool are in K and k as well.
+and c is the vector from that point to the payload's centre. A circle of evenly spaced screws is
+half as compliant in rotation about the axis as about a diameter. K and k include a force sensor, a
+tool changer or an adapter between flange and tool.
 
-A session hardly shows h: what moves is h^2 / k, and how much of it is a turn shows by a reflector
-beside the axis only. So it is not sought, and stated intervals count a flange that is half or
-twice as far. The shift goes into the tool's place in the last link, and the turn into how it is
-mounted there, so that commands can be corrected by it.
+A session hardly determines h: the observed displacement is proportional to h^2 / k, and only a
+reflector beside the axis shows which part of it is a turn. So h is not searched, and stated
+intervals include a flange at half or twice the distance. The shift is added to the tool's position
+in the last link and the turn to its mounting there, so that commands can be corrected for both.
 
-Leaves out the weight of the tool itself, whose centre nobody states: what is always the same of it
-is the tool's place, and what turns with the tool is not known. A platform that is never turned is
-left out as well: all that one gives at rest is a vector for each kilogram, and so does a reflector
-that is seated otherwise when the payload is changed.
+Leaves out the weight of the tool itself, whose centre is not stated: its constant part is part of
+the tool's position, and the part that turns with the tool is not known. Platforms that never turn
+are left out as well: at rest the flange of such a platform adds a constant vector per kilogram,
+which cannot be distinguished from a reflector that sits differently after a change of payload.
 
-Sizes, from general knowledge of data sheets: bearings of a small wrist are stiff by 4e4 to 1e6
-N m/rad to be tilted (crossed rollers of harmonic drives, CSF-2UH), six-axis force sensors by
-1e4 to 1e5 N m/rad and 1e7 to 1e8 N/m, printed adapters and compensators of misalignment for
-assembly by a hundredth of it.
+Sizes, from general knowledge of data sheets: tilting stiffness 4e4 to 1e6 N m/rad for bearings of
+a small wrist (crossed rollers of harmonic drives, CSF-2UH); 1e4 to 1e5 N m/rad and 1e7 to 1e8 N/m
+for six-axis force sensors; a hundredth of it for printed adapters and compensators of misalignment
+for assembly.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _ROWS = ("tool_x", "tool_y", "tool_z", "tool_turn_x", "tool_turn_y", "tool_turn_
 
 @dataclass(frozen=True)
 class FlangeCompliance(Effect):
-    """Elastic give between the last link and the tool, under the payload."""
+    """Elastic compliance between the last link and the tool, under the payload."""
 
     cause: ClassVar[str] = "flange_compliance"
     remedy: ClassVar[Remedy] = Remedy(
@@ -68,11 +68,11 @@ class FlangeCompliance(Effect):
     takes: ClassVar[tuple[str, ...]] = (CARRIED, POSE)
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
 
-    behind: float = 0.15  # [m] that the flange lies behind the tool centre point: a gripper's
+    behind: float = 0.15  # [m] from the tool centre point back to the flange: a gripper's length
 
     @property
     def suits(self) -> bool:
-        """Whether it carries a tool on a flange: an arm does."""
+        """Whether the mechanism is a serial arm, which carries its tool on a flange."""
         return isinstance(self.mechanism, SerialArm)
 
     @property
@@ -101,14 +101,14 @@ class FlangeCompliance(Effect):
         return sy.column(sy.matrix(c[1:10], 3) @ shift, own.T @ turn)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One, of the whole tool."""
+        """A single term, for position and mounting of the tool."""
         carried, pose = places.begin(CARRIED), places.begin(POSE)
         signals = (*range(carried, carried + 6), *range(pose, pose + 6))
         rows = tuple(self.mechanism.parameters.row(name) for name in _ROWS)
         yield Term(signals, (0, 1), rows, self.constants(0))
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """How far behind the flange is, and how the tool is mounted in the last link."""
+        """Distance of the flange behind the tool, and mounting of the tool in the last link."""
         del joint
         arm = self.mechanism
         assert isinstance(arm, SerialArm)
@@ -116,7 +116,7 @@ class FlangeCompliance(Effect):
         return (self.behind, *mount.ravel().tolist())
 
     def doubt(self) -> Effect | None:
-        """A flange that is half as far behind the tool, or twice as far."""
+        """Effect of a flange that is half as far behind the tool, or twice as far."""
         return _Elsewhere(self.robot, self.mechanism, self)
 
     def regressor(self, at: Conditions) -> Regressor:
@@ -125,14 +125,14 @@ class FlangeCompliance(Effect):
         return LOAD
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By payload."""
+        """Groups by payload."""
         del joint
         return by_payload(at)
 
 
 @dataclass(frozen=True)
 class _Elsewhere(Effect):
-    """The difference that it makes if the flange is farther behind the tool than assumed."""
+    """Change of the effect if the flange is farther behind the tool than assumed."""
 
     cause: ClassVar[str] = "flange_elsewhere"
     kind: ClassVar[str] = "structure"
@@ -143,13 +143,13 @@ class _Elsewhere(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Those of the flange."""
+        """Parameters of the flange compliance."""
         return self.flange.parameters
 
     def columns_of(
         self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
     ) -> Array:
-        """See `Effect.columns_of`; half of what lies between half of the distance and twice."""
+        """See `Effect.columns_of`; half the difference between twice and half the distance."""
         far, near = (
             replace(self.flange, behind=share * self.flange.behind).columns_of(
                 signals, values, by_stage

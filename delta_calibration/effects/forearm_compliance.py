@@ -1,4 +1,4 @@
-"""Rods that stretch under the force they carry: that of weight, and of inertia in motion.
+"""Elastic stretch of the rods under their axial force, by weight and inertia.
 
 dl = N / k
 """
@@ -48,7 +48,7 @@ class ForearmCompliance(DeltaLoadEffect):
         return BY_LOAD
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By payload."""
+        """Groups by payload."""
         del joint
         return by_payload(at)
 
@@ -56,11 +56,11 @@ class ForearmCompliance(DeltaLoadEffect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """N / k of the rods of a pair."""
+        """Stretch N / k of the rods of a pair, as change of mean length and mismatch."""
         del c
         a, b = pulls(s)
         return lengthened(v[0] * a, v[0] * b)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each pair of rods."""
+        """One term per pair of rods."""
         return pairs(self.mechanism, places)

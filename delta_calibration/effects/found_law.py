@@ -1,11 +1,11 @@
-"""A law that was found and has no name: functions of one or two quantities of a sample.
+"""Law found in data without a known cause: functions of one or two quantities of a sample.
 
     dy_t = w_t sum_b v_tb f_b((u - middle) scale) (s - s_0)        for each target t
 
 with y a joint angle, a dimension or a coordinate of the reading; u a quantity (joint angle, rate,
-torque, payload, ...), f_b one of a few functions (`FUNCTIONS`), s a second quantity or nothing,
-and w_t how much of the target's numbers move together. The laws that a diagnosis tries are of this
-form (`diagnosis/law_grammar.py`); one that holds is written as an effect of its own.
+torque, payload, ...), f_b one of a few functions (`FUNCTIONS`), s an optional second quantity, and
+w_t the weights with which the target's numbers move together. The laws that a diagnosis tries have
+this form (`diagnosis/law_grammar.py`); an accepted one is stored as an effect of its own.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 
 FOUND_LAW = "found_law"
-ACROSS = "across"  # the place along a bearing in the plane: two numbers, x and y
+ACROSS = "across"  # position along a bearing in the xy plane, from the two numbers x and y
 FORCE, TORQUE, TEMPERATURE = "force", "torque", "temperature"
 
 LINE, SQUARE, CUBE, SINE, COSINE, SIDE, SOFT, BEYOND, SETTLED, DRAG, FADING, RAMP = range(1, 13)
-# each function of u, in the words of symbols as of numbers (numpy)
+# each function of u; `words` is the module of its operations, symbols or numpy
 _FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
     LINE: lambda u, words: u,
     SQUARE: lambda u, words: u * u,
@@ -52,7 +52,7 @@ _FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
     RAMP: lambda u, words: words.minimum(words.maximum(u, 0.0), 1.0),
 }
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
-# what a law may be made of: terms of each, a value each
+# functions that a law may use, each with its terms; every term has a value
 FUNCTIONS: Mapping[str, tuple[int, ...]] = {
     "line": (LINE,),
     "square": (SQUARE,),
@@ -75,7 +75,7 @@ KINDS = {
     Stage.MEASUREMENT: "measurement",
 }
 _QUANTITY = re.compile(r"(?P<name>[a-z]+)(?:\+(?P<ahead>\d{1,3}))?(?::(?P<part>\w+))?")
-POWERS = {LINE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # of the unit that it is taken of
+POWERS = {LINE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # powers of the unit of u
 
 _OF_JOINTS: Mapping[str, tuple[str, ...]] = {
     "q": (signals.JOINT,),
@@ -95,7 +95,7 @@ _OF_ALL: Mapping[str, tuple[str, int]] = {
 
 
 def of_all(name: str) -> tuple[str, int]:
-    """Signal of a quantity that the machine has once, and which of its numbers."""
+    """Signal of a quantity that the whole machine shares, and the index of its number."""
     return _OF_ALL[name]
 
 
@@ -104,9 +104,9 @@ class Quantity:
     """A quantity of a sample.
 
     Attributes:
-        name: as the glossary has it, without the number of a joint.
-        ahead: of a joint's quantity which joint: so many after the target's own.
-        part: whose temperature.
+        name: name of the quantity, without the number of a joint.
+        ahead: for a joint's quantity, the offset from the target's own joint to that joint.
+        part: for a temperature, the part of the machine.
     """
 
     name: str
@@ -120,7 +120,7 @@ class Quantity:
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Signals that it is made of."""
+        """Signals that the quantity is computed from."""
         if self.of_joints:
             return _OF_JOINTS[self.name]
         if self.name == ACROSS:
@@ -130,15 +130,15 @@ class Quantity:
 
     @property
     def middle(self) -> float:
-        """Where it counts as nothing."""
+        """Value at which the quantity counts as zero."""
         return REFERENCE if self.name == TEMPERATURE else 0.0
 
     def number(self, joint: int, joints: int) -> int:
-        """Number of the joint that it is of, for a target's own, from 0."""
+        """Index of the quantity's joint, from 0, for the index of the target's joint."""
         return (joint + self.ahead) % joints
 
     def places(self, at: Places, target: Target, joints: int) -> tuple[int, int]:
-        """Where its one or two numbers stand in a sample's row."""
+        """Indices of its one or two numbers in a sample's row of signals."""
         nothing = at.begin(NOTHING)
         if self.of_joints:
             here = self.number(target.joint, joints)
@@ -156,14 +156,14 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Target:
-    """What one equation moves: numbers of the stage that go together.
+    """Target of one equation: numbers of the stage that move together.
 
     Attributes:
-        part: of the machine.
-        moved: what is moved of it, in the equation.
-        rows: numbers of the stage, and how much of each.
-        unit: of what is moved.
-        joint: whose quantities the equation takes, from 0.
+        part: part of the machine.
+        moved: symbol of the moved quantity in the equation.
+        rows: indices of the numbers in the stage, each with its weight.
+        unit: unit of the moved quantity.
+        joint: index of the joint whose quantities the equation takes, from 0.
     """
 
     part: str
@@ -174,14 +174,14 @@ class Target:
 
     @property
     def tag(self) -> str:
-        """What tells its values from those of others: a number, an axis."""
+        """Suffix that distinguishes its values from those of other targets: a number, an axis."""
         last = self.moved.rsplit("_", 1)[-1]
         return self.moved.removeprefix("d").split("_")[0] if last == "tracker" else last
 
 
 @dataclass(frozen=True)
 class FoundLaw(Effect):
-    """One law at some targets, each with values of its own; each a value for each function."""
+    """One law at several targets; each target has its own value for each function."""
 
     cause: ClassVar[str] = FOUND_LAW
     called: ClassVar[str] = "law without a name"
@@ -200,22 +200,22 @@ class FoundLaw(Effect):
     middle: float = 0.0
     scale: float = 1.0
     bearing: float = 0.0  # [rad] of `ACROSS`
-    typical: tuple[float, ...] = ()  # size of each value, in its unit; 1 where not given
-    searched: tuple[Interval, ...] = ()  # fields that lie within intervals
+    typical: tuple[float, ...] = ()  # expected size of each value, in its unit; 1 if not given
+    searched: tuple[Interval, ...] = ()  # searched fields, with their intervals
 
     @property
     def stage(self) -> Stage:  # type: ignore[override]
-        """Where it adds."""
+        """Stage at which the law adds."""
         return self.on
 
     @property
     def kind(self) -> str:  # type: ignore[override]
-        """As reported."""
+        """Kind of the effect, as reported."""
         return KINDS[self.on]
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """As a calibration file holds them; where its shape was searched is not kept."""
+        """Settings as stored in a calibration file; the searched intervals are not stored."""
         targets = (
             f"{t.part} {t.moved} {t.unit} {t.joint} "
             + " ".join(f"{row}:{share!r}" for row, share in t.rows)
@@ -237,10 +237,10 @@ class FoundLaw(Effect):
     def shaped(
         cls, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]
     ) -> FoundLaw:
-        """From the settings of a file.
+        """Create the law from the settings of a file.
 
         Raises:
-            InputError: one is not of its form.
+            InputError: a setting does not have its form.
         """
         shape: dict[str, Any] = dict(settings)
         on = str(shape.get("on", "drive"))
@@ -256,7 +256,7 @@ class FoundLaw(Effect):
         return cls(robot, mechanism, **shape)
 
     def wrong(self) -> str:
-        """A function that is known, and numbers and joints that the mechanism has."""
+        """Check that function, numbers, rows and joints exist on this mechanism."""
         if self.function not in FUNCTIONS:
             return f"function: {self.function!r} is not allowed; one of {', '.join(FUNCTIONS)}"
         numbers = (self.middle, self.scale, self.bearing, *self.typical)
@@ -276,17 +276,17 @@ class FoundLaw(Effect):
 
     @property
     def bound_to_session(self) -> bool:
-        """What goes by the clock ends with the session."""
+        """Whether the law takes time, so that it ends with the session."""
         return "time" in (self.of.name, "" if self.by is None else self.by.name)
 
     @property
     def kinds(self) -> tuple[int, ...]:
-        """Functions of which each target has a value."""
+        """Functions for each of which a target has a value."""
         return FUNCTIONS[self.function]
 
     @property
     def parameters(self) -> ParameterSet:
-        """A value of each target and function."""
+        """A value for each target and function."""
         return self._parameters
 
     @cached_property
@@ -306,14 +306,14 @@ class FoundLaw(Effect):
         return ParameterSet(tuple(items))
 
     def value_unit(self, target: Target, kind: int) -> str:
-        """Unit of a value: that of what is moved, over those of what it is taken of."""
+        """Unit of a value: unit of the moved quantity over those of the law's quantities."""
         below = [(self.unit_of_quantity(self.of), POWERS.get(kind, 0))]
         if self.by is not None:
             below.append((self.unit_of_quantity(self.by), 1))
         return _over(target.unit, below)
 
     def unit_of_quantity(self, quantity: Quantity) -> str:
-        """Unit of a quantity on this mechanism; empty where it has none."""
+        """Unit of a quantity on this mechanism; empty if it has none."""
         joint = self.mechanism.joint_unit
         return {
             "q": joint,
@@ -329,7 +329,7 @@ class FoundLaw(Effect):
         }.get(quantity.name, "m")
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Where the search was between two points."""
+        """Searched fields, with intervals between neighbouring points of the search."""
         return self.searched
 
     @property
@@ -340,7 +340,7 @@ class FoundLaw(Effect):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Loads go by the payload."""
+        """Payload, for loads too; direction, if the law takes it."""
         names = {self.of.name, "" if self.by is None else self.by.name}
         loads = ("payload",) if names & {"payload", TORQUE, FORCE} else ()
         return loads + (("direction",) if "direction" in names else ())
@@ -355,7 +355,7 @@ class FoundLaw(Effect):
         return v[0] * c[7] * f * where(c[5] > 0, s[2] - c[6], 1.0)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each value and number that it moves."""
+        """One term for each value and each number that it moves."""
         for t, target in enumerate(self.targets):
             for i, kind in enumerate(self.kinds):
                 taken, constants = self.factor(places, target, kind)
@@ -364,7 +364,7 @@ class FoundLaw(Effect):
                     yield Term(taken, (value,), (row,), (*constants, weight))
 
     def factor(self, places: Places, target: Target, kind: int) -> Taken:
-        """Signals and constants of one function at a target, but for its weight."""
+        """Signals and constants of one function at a target, without the row's weight."""
         joints = self.mechanism.joints
         first = self.of.places(places, target, joints)
         weights = (1.0, float(len(self.of.signals) > 1))
@@ -380,10 +380,10 @@ class FoundLaw(Effect):
 
 
 def function_of(taken: Taken, rows: Array) -> Array:
-    """One function at each sample, (n,), by numpy: thousands of them are asked for once each.
+    """One function at each sample, (n,), by numpy: a search needs thousands, each only once.
 
     Args:
-        taken: what `FoundLaw.factor` gives.
+        taken: result of `FoundLaw.factor`.
         rows: signals of the samples, (S, n).
     """
     (first, other, second), c = taken
@@ -392,12 +392,12 @@ def function_of(taken: Taken, rows: Array) -> Array:
 
 
 def _of(s: Any, c: Any) -> Any:
-    """u less its middle, in its scale."""
+    """Scaled quantity (u - middle) scale."""
     return (c[0] * s[0] + c[1] * s[1] - c[3]) * c[4]
 
 
 def _said(quantity: Quantity | None) -> str:
-    """As a file holds it: `torque`, `q+1`, `temperature:base`; nothing for none."""
+    """Text of a quantity in a file: `torque`, `q+1`, `temperature:base`; empty for None."""
     if quantity is None:
         return ""
     ahead = f"+{quantity.ahead}" if quantity.ahead else ""
@@ -413,7 +413,7 @@ def _quantity(text: str, setting: str) -> Quantity:
 
 
 def _target(text: str) -> Target:
-    """Of `part moved unit joint row:share row:share ...`."""
+    """Parse a target from `part moved unit joint row:share row:share ...`."""
     try:
         part, moved, unit, joint, *rows = text.split()
         pairs = [row.split(":") for row in rows]

@@ -1,14 +1,14 @@
-"""Joints of a serial arm that give way to the weight of links whose masses nobody has stated.
+"""Gravity sag of a serial arm's joints under links of unknown mass.
 
     dq_j = -sum_{k >= j} mu_jk . R_k^T (z x a_j) - tau_j / k_j      a_j: axis of joint j, z: up
 
-R_k mu_jk is the first moment of link k and all it carries, by the weight of a kilogram and the
-stiffness of joint j: what an arm's gravity depends on at most (base parameters, Gautier and Khalil
-1990), a free vector for each joint and link. What the arm is loaded with is known better: tau_j is
-its torque on joint j, and one number, 1 / k_j, says what it does there. It is free where the
-payload changes; elsewhere it is a part of the moments. Where the robot file states masses
-`reducer_compliance` tells the stiffness itself. The axes are the drawing's: they are off by
-thousandths, and the sag is small.
+R_k mu_jk is the first moment of link k and all it carries, times the weight of a kilogram, over
+the stiffness of joint j: an arm's gravity torques depend on no more than these vectors (base
+parameters, Gautier and Khalil 1990), one free vector for each joint and link. The payload is known
+better: tau_j is its torque on joint j, and one number, the compliance 1 / k_j, gives its effect.
+That number is a free parameter if the payload changes; otherwise it is a part of the moments. If
+the robot file states masses, `reducer_compliance` identifies the stiffness itself. The axes are
+nominal: their errors are of the order of thousandths, and the sag is small.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from delta_calibration.model.terms import Term
 from delta_calibration.parameters import Parameter, ParameterSet
 
 _SIZE, _MOST = 0.2e-3, 0.02  # [rad] expected of a vector's component, and its bound
-_UPRIGHT = 1e-6  # sine of an axis' twist from the one before, under which they are parallel
+_UPRIGHT = 1e-6  # sine of the twist between successive axes below which they are parallel
 
 
 UNKNOWN, KNOWN = "unknown", "known"
@@ -40,7 +40,7 @@ UNKNOWN, KNOWN = "unknown", "known"
 
 @dataclass(frozen=True)
 class GravitySag(Effect):
-    """Turn of each joint by its own link, by every link beyond it and by what the arm carries."""
+    """Turn of each joint by the weight of its own link, every link beyond it and the payload."""
 
     cause: ClassVar[str] = "gravity_sag"
     remedy: ClassVar[Remedy] = Remedy(
@@ -53,11 +53,11 @@ class GravitySag(Effect):
     stage: ClassVar[Stage] = Stage.DRIVE
     gentle: ClassVar[bool] = True
 
-    payload: str = UNKNOWN  # or KNOWN: whether what it does has a number of its own
+    payload: str = UNKNOWN  # or KNOWN: the payload's part then has its own parameters
 
     @property
     def suits(self) -> bool:
-        """Whether it is an arm of links of unknown mass, one of them on an axis not upright."""
+        """Whether it is an arm without stated masses and with an axis that is not upright."""
         arm = self.mechanism
         if not isinstance(arm, SerialArm) or any(link.mass for link in arm.dimensions.links):
             return False
@@ -65,7 +65,7 @@ class GravitySag(Effect):
 
     @property
     def unsuited(self) -> str:
-        """No arm, one whose masses are known, or one that bears no weight."""
+        """Reason: no arm, an arm with stated masses, or only upright axes, free of weight."""
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
         if any(link.mass for link in self.mechanism.dimensions.links):
@@ -74,7 +74,7 @@ class GravitySag(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Components of every vector [rad], along its own axis a link has none; 1 / k_j."""
+        """Components of every vector [rad], none of link j along axis j; 1 / k_j if known."""
         moments = _components(self.cause, self.mechanism.joints, self.mechanism.joint_size)
         if self.payload == UNKNOWN:
             return moments
@@ -83,31 +83,31 @@ class GravitySag(Effect):
 
     @property
     def alone(self) -> tuple[tuple[str, ...], ...]:
-        """The payload's part: of the arm's own weight the zeros of the joints take up much."""
+        """The payload's compliances: the joints' zeros absorb much of the arm's own weight."""
         gives = tuple(self.parameters.names[-self.mechanism.joints :])
         return (gives,) if self.payload == KNOWN else ()
 
     @property
     def takes(self) -> tuple[str, ...]:
-        """Joint angles, and each joint's torque by the payload where that is known."""
+        """Joint angles; also each joint's torque by the payload if it has its own parameters."""
         return (JOINT, GRAVITY) if self.payload == KNOWN else (JOINT,)
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """The payload, where its part is told."""
+        """The payload, if it has its own parameters."""
         return ("payload",) if self.payload == KNOWN else ()
 
     def shapes(self, at: Conditions) -> Iterator[GravitySag]:
-        """With a part of the payload's own where it changes."""
+        """The payload has its own parameters if it changes."""
         changes = np.isfinite(at.payload).all() and np.ptp(at.payload) > 0.0
         yield replace(self, payload=KNOWN if changes else UNKNOWN)
 
     def forms(self) -> Iterator[GravitySag]:
-        """With and without a part of the payload's own."""
+        """With and without parameters of the payload's own."""
         yield from (replace(self, payload=told) for told in (UNKNOWN, KNOWN))
 
     def wrong(self) -> str:
-        """A word for the payload that is neither of the two."""
+        """Check that `payload` is one of the two words."""
         if self.payload in (UNKNOWN, KNOWN):
             return super().wrong()
         return f"payload: {self.payload!r} is not allowed; {UNKNOWN} or {KNOWN}"
@@ -132,7 +132,7 @@ class GravitySag(Effect):
         return sy.column(*sag)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One, of all joints."""
+        """A single term, for all joints."""
         m = self.mechanism.joints
         signals = (places.begin(name) + j for name in self.takes for j in range(m))
         yield Term(
@@ -143,7 +143,7 @@ class GravitySag(Effect):
         )
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Twist of each link, sense and zero of each joint's reading."""
+        """Twist of each link; sense and zero of each joint's reading."""
         del joint
         arm = self.mechanism
         assert isinstance(arm, SerialArm)
@@ -153,12 +153,12 @@ class GravitySag(Effect):
 
     @property
     def variant(self) -> str:
-        """By the number of joints, and whether the payload has a part of its own."""
+        """Number of joints, and whether the payload has its own parameters."""
         return f"_{self.mechanism.joints}{'_carried' if self.payload == KNOWN else ''}"
 
 
 def _frames(twists: list[Symbol], angles: list[Symbol]) -> Iterator[tuple[Symbol, Symbol, Symbol]]:
-    """Axes of each link's frame in the base, modified DH."""
+    """Axes x, y, z of each link's frame in the base, modified DH."""
     x, y, z = sy.column(1, 0, 0), sy.column(0, 1, 0), sy.column(0, 0, 1)
     for twist, angle in zip(twists, angles, strict=True):
         c, s = sy.cos(twist), sy.sin(twist)
@@ -170,7 +170,7 @@ def _frames(twists: list[Symbol], angles: list[Symbol]) -> Iterator[tuple[Symbol
 
 @lru_cache
 def _components(cause: str, joints: int, size: float) -> ParameterSet:
-    """Of each joint's vectors, by the number of the link."""
+    """Components of each joint's vectors, one vector per link from the joint on."""
     return ParameterSet(
         tuple(
             Parameter(

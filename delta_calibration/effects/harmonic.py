@@ -1,4 +1,4 @@
-"""What effects that repeat over a joint's angle have in common.
+"""Base of the effects that repeat periodically over a joint's angle.
 
 dq = sum over orders n of a_n sin(n q) + b_n cos(n q)
 """
@@ -18,7 +18,7 @@ from delta_calibration.model.terms import Term
 
 @dataclass(frozen=True)
 class HarmonicEffect(Effect):
-    """Waves of each joint's own angle, with amplitudes as `waves` has them."""
+    """Waves of each joint's own angle, with amplitudes in the order of `waves`."""
 
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
@@ -36,7 +36,7 @@ class HarmonicEffect(Effect):
         return v[0] * sin(phase) + v[1] * cos(phase)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """A sine and a cosine of each joint, of one order after the other."""
+        """One term per order and joint, with a sine and a cosine."""
         count, first = self.mechanism.joints, places.begin(JOINT)
         for wave, order in enumerate(self.orders):
             for joint in range(count):

@@ -1,8 +1,8 @@
-"""A drive that gives way under what it carries: one spring, for weight and inertia alike.
+"""Elastic drives: one torsion spring per joint, loaded by weight and inertia.
 
 dq = -tau / k        tau = dU/dq + J^T M a
 
-of arms, rods, platform and payload (model/loads.py). At rest it is their weight alone.
+for arms, rods, platform and payload (model/loads.py). At rest only their weight acts.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ class JointCompliance(DriveCompliance, DeltaLoadEffect):
     kind: ClassVar[str] = "drive"
 
     def regressor(self, at: Conditions) -> Regressor:
-        """Torque on the joint, of the nominal machine."""
+        """Torque of weight and inertia on the joint of the nominal machine."""
         del at
         return Regressor("torque of weight and inertia on the joint [N m]", self._torque)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By payload."""
+        """Groups by payload."""
         del joint
         return by_payload(at)
 
     def _torque(self, at: Conditions, joint: int) -> Array:
-        """About one joint, (n,) [N m]."""
+        """Torque of weight and inertia about one joint of the nominal machine, (n,) [N m]."""
         signals = self.nominal(at)
         return signals.of(GRAVITY)[:, joint] + signals.of(INERTIA)[:, joint]

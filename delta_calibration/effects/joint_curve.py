@@ -1,11 +1,12 @@
-"""An error of each joint that is any smooth function of its own angle.
+"""Joint error curve: the error of each joint as any smooth function of its own angle.
 
 dq_j = sum_f w_jf B_f(q_j)        B: cubic B-splines, evenly spaced over the joint's range
 
-Whatever gears and encoders do that comes back with the angle lies in it, at every frequency down
-to two widths: runout, teeth, a wave generator, an encoder's own curve. It says which joint errs
-and how, not which part of it. With so many weights it wants hundreds of poses; it is tried on
-serial arms, whose joints turn far, where the session has readings enough for its weights.
+It includes every error of gears and encoders that repeats with the joint angle, down to periods
+of two widths: runout, teeth, a wave generator, an encoder's own curve. It shows which joint has an
+error and its shape, but not which part causes it. With so many weights it needs hundreds of poses;
+it is tried on serial arms, whose joints turn far, if the session has enough readings for its
+weights.
 """
 
 from __future__ import annotations
@@ -29,17 +30,16 @@ from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.robot import Robot
 
 _DEGREE = 3
-_WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] between splines, of a weight
-_WIDTHS = (1.0, 3.0)  # times the usual width, that are tried
-_READINGS = 2.0  # numbers read, for each weight that is tried
+_WIDTH, _SIZE = 0.07, 0.15e-3  # [rad of a Delta] spacing of the splines, size of a weight
+_WIDTHS = (1.0, 3.0)  # widths to try, in usual widths
+_READINGS = 2.0  # least number of measured coordinates per weight
 
 
 @dataclass(frozen=True)
 class JointCurve(Effect):
     """Error curves of all joints over their ranges; `lower`, `upper` (m,) in a row.
 
-    Outside its range a curve is taken to be nothing. A range that is not given is that of the
-    robot's limits.
+    Outside its range a curve is zero. If no range is given, the robot's joint limits are used.
     """
 
     cause: ClassVar[str] = "joint_error_curve"
@@ -63,7 +63,7 @@ class JointCurve(Effect):
 
     @classmethod
     def over(cls, robot: Robot, mechanism: Mechanism, joint: Array, width: float) -> JointCurve:
-        """Of joints that were seen at these places (n, m); `width` is in the same unit."""
+        """Curve over the range of these joint coordinates (n, m); `width` is in the same unit."""
         low, high = joint.min(axis=0), joint.max(axis=0)
         return cls(robot, mechanism, width, lower=tuple(low.tolist()), upper=tuple(high.tolist()))
 
@@ -73,7 +73,7 @@ class JointCurve(Effect):
         return isinstance(self.mechanism, SerialArm)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Over its range; else the session's places, as finely as it has readings for."""
+        """Itself if it has a range; else over the session's range, as finely as readings allow."""
         if self.lower:
             yield self
             return
@@ -96,14 +96,14 @@ class JointCurve(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """w B(q) of one spline, whose first knot and step are known, within the joint's range."""
+        """w B(q) of one spline within the joint's range; c: first knot, step, range."""
         first, step, lower, upper = c[0], c[1], c[2], c[3]
         inside = minimum(maximum(s[0], lower), upper)
         known = where(s[0] >= lower, where(s[0] <= upper, 1.0, 0.0), 0.0)
         return v[0] * known * _spline((inside - first) / step)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each spline of each joint."""
+        """One term for each spline of each joint."""
         row, joint = 0, places.begin(JOINT)
         for j, knots in enumerate(self._knots()):
             step = float(knots[1] - knots[0])
@@ -114,7 +114,7 @@ class JointCurve(Effect):
                 row += 1
 
     def wrong(self) -> str:
-        """A range for each joint."""
+        """Check that the range, if given, has an interval for each joint."""
         m = self.mechanism.joints
         if not self.lower and not self.upper:
             return super().wrong()
@@ -127,13 +127,13 @@ class JointCurve(Effect):
 
     @property
     def _range(self) -> tuple[tuple[float, float], ...]:
-        """Of each joint."""
+        """Range of each joint."""
         limits = self.robot.joints
         lower = self.lower or tuple(limits.lower.tolist())
         return tuple(zip(lower, self.upper or tuple(limits.upper.tolist()), strict=True))
 
     def _knots(self) -> Iterator[Array]:
-        """Of each joint, evenly spaced, three beyond either end."""
+        """Knots of each joint, evenly spaced, three beyond either end."""
         for low, high in self._range:
             inner = np.linspace(low, high, max(2, int(np.ceil((high - low) / self.width)) + 1))
             step = inner[1] - inner[0]
@@ -143,7 +143,7 @@ class JointCurve(Effect):
 
 def _spline(u: Symbol) -> Symbol:
     """Cubic B-spline over the knots 0 to 4."""
-    w = 2.0 - where(u < 2, 2.0 - u, u - 2.0)  # from the nearer end
+    w = 2.0 - where(u < 2, 2.0 - u, u - 2.0)  # distance from the nearer end
     outer = maximum(w, 0.0) ** 3 / 6
     inner = maximum(w - 1.0, 0.0)
     return outer - 4.0 / 6.0 * inner**3
@@ -151,7 +151,7 @@ def _spline(u: Symbol) -> Symbol:
 
 @lru_cache
 def _weights(counts: tuple[int, ...], prior: float, unit: str, limb: str) -> ParameterSet:
-    """Of each joint's splines; there are many, and they are asked for often."""
+    """Weights of each joint's splines; cached, as they are many and often requested."""
     return ParameterSet(
         tuple(
             Parameter(f"curve_{j}_{f}", unit, 0.0, prior, JointCurve.cause, f"{limb}_{j}")

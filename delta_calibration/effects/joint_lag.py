@@ -1,4 +1,4 @@
-"""A servo that trails its command in motion.
+"""Servo lag: a joint trails its command in motion.
 
 dq = -T dq/dt
 """
@@ -19,7 +19,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class JointLag(Effect):
-    """Each joint is where it should have been T ago."""
+    """Each joint is where its command was a time T before."""
 
     cause: ClassVar[str] = "joint_lag"
     remedy: ClassVar[Remedy] = Remedy(

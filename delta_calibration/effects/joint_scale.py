@@ -1,4 +1,4 @@
-"""A gear ratio, or counts a turn, entered a little wrong.
+"""Scale error of a joint, from a wrong gear ratio or wrong counts per turn.
 
 dq = s q
 """
@@ -17,7 +17,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class JointScale(Effect):
-    """Each joint goes farther than it says, in proportion."""
+    """Each joint moves farther than its reading, in proportion."""
 
     cause: ClassVar[str] = "joint_scale"
     remedy: ClassVar[Remedy] = Remedy(
@@ -31,7 +31,7 @@ class JointScale(Effect):
 
     @property
     def suits(self) -> bool:
-        """Whether the joints turn; sliders have a pitch, and cables drums."""
+        """Whether the joints turn; for sliders see `slider_pitch`, for cables `drum_scale`."""
         return self.mechanism.joint_unit == "rad" and self.mechanism.limb == "joint"
 
     @property
@@ -47,5 +47,5 @@ class JointScale(Effect):
         return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """What the drive reads at that zero."""
+        """Drive reading at that zero."""
         return (float(self.mechanism.drives.zero[joint]),)

@@ -1,4 +1,4 @@
-"""An encoder or a coupling that creeps or slips: a joint zero that changes with the clock.
+"""Drift of a joint's zero over time: an encoder or a coupling creeps or slips.
 
 dq = c h(time)
 """
@@ -42,7 +42,7 @@ class JointZeroDrift(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """c of each joint [rad]: of an hour, of the whole settling or of the step."""
+        """c of each joint [rad]: drift per hour, of the whole settling, or of the step."""
         return self.each_joint("drift", "rad", 0.1e-3, -0.02, 0.02)
 
     def regressor(self, at: Conditions) -> Regressor:
@@ -63,15 +63,15 @@ class JointZeroDrift(Effect):
         return self.time_constant, self.step_at
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A ramp, settlings from minutes to an hour, steps."""
+        """A ramp, settling from minutes to over an hour, and steps."""
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """About the time constant or the moment of the step; a ramp has neither."""
+        """Interval of the time constant or of the moment of the step; none for a ramp."""
         return around(self.time_constant, self.step_at)
 
     @property
     def bound_to_session(self) -> bool:
-        """A drift by the clock says nothing of another day."""
+        """True: a drift by the clock says nothing about another day."""
         return True

@@ -1,4 +1,4 @@
-"""Weight of what a platform carries, as a generalised force on its pose."""
+"""Weight of the masses on a platform, as a generalised force on its pose."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Array = NDArray[np.float64]
 
 
 def carried_mass(robot: Robot, at: Conditions) -> Array:
-    """What moves with the platform, the payload among it, (n,) [kg]."""
+    """Mass that moves with the platform, including the payload, (n,) [kg]."""
     return np.asarray(robot.masses.on_platform + at.payload)
 
 
 def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:
-    """dU/dx of what the platform carries, (n, k) [N, N m]; z is up."""
+    """dU/dx of the masses on the platform, (n, k) [N, N m]; z is up."""
     own = (carried_mass(robot, at) - at.payload)[:, None]
     centre = mechanism.point_by_pose(x, np.zeros(3))[:, 2]
     payload = mechanism.point_by_pose(x, at.payload_centre)[:, 2]
@@ -29,6 +29,6 @@ def weight(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Arra
 
 
 def weight_known(robot: Robot, mechanism: Mechanism, at: Conditions, x: Array) -> Array:
-    """The same with an unknown payload taken for none."""
+    """`weight`, with an unknown payload taken as zero."""
     payload, centre = np.nan_to_num(at.payload), np.nan_to_num(at.payload_centre)
     return weight(robot, mechanism, replace(at, payload=payload, payload_centre=centre), x)

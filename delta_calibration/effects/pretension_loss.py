@@ -1,24 +1,25 @@
-"""Cables whose pretension falls during the session: they stretch less, and are shorter by that.
+"""Loss of pretension during the session: the cables stretch less and become shorter.
 
     dl = -e h(t) n l        e = loss T_p / EA
 
-T_p is the pretension that the robot file states, n what is left of a newton of it in a cable once
-no force of it is on the platform (model/loads.py), l the cable's length and h the course of the
-loss, 0 at the session's start. It is the elastic stretch alone that falls: as of drives that hold
-the tension by their current and weaken as they warm up, or of a tensioner that yields, while the
-counters go on telling what was let out. What is left at home is no error of the zeros, which were
-taken before.
+T_p is the pretension stated in the robot file, n the part of one newton of pretension that remains
+in a cable when the pretension exerts no force on the platform (model/loads.py), l the cable's
+length and h the course of the loss, 0 at the session's start. Only the elastic stretch falls: for
+example with drives that hold the tension by their current and weaken as they warm up, or with a
+tensioner that yields, while the counters still read the length let out. The change at home is no
+error of the zeros, because these were set before.
 
-The loss is in parts of T_p, and with it stands the stiffness EA: only their product shows. Where
-`cable_elasticity` is found beside it, that tells EA.
+The loss, a share of T_p, and the stiffness EA are not identifiable separately: the data determine
+e alone. If `cable_elasticity` is found as well, it determines EA.
 
-Leaves out cables that creep. Where winches hold their lengths, pretension falls because the cables
-grow as they relax: as much as they stretch less, and hardly anything moves.
+Leaves out cables that creep. If winches hold their lengths, pretension falls because the cables
+lengthen as they relax. They stretch less by the same amount, and hardly anything moves.
 
-Sizes: magnets lose 0.1 % (neodymium) or 0.2 % (ferrite) of their field by a kelvin, and motors as
-much of their torque, 5 to 15 % in a warm-up; EA is 2e5 to 8e5 N of steel of 4 mm, and 1e5 of thin
-fibre (general knowledge). More than all of it cannot be lost. That cables lose tension after they
-were tightened: Chinese Journal of Mechanical Engineering 32 (2019), doi 10.1186/s10033-019-0362-6.
+Sizes: magnets lose 0.1 % (neodymium) or 0.2 % (ferrite) of their field per kelvin, and motors as
+much of their torque, 5 to 15 % in a warm-up; EA is 2e5 to 8e5 N for steel of 4 mm, and 1e5 for
+thin fibre (general knowledge). The loss cannot exceed the whole pretension. Cables lose tension
+after tightening: Chinese Journal of Mechanical Engineering 32 (2019), doi
+10.1186/s10033-019-0362-6.
 """
 
 from __future__ import annotations
@@ -38,12 +39,12 @@ from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
-_LOSS, _STIFF, _SOFT = 0.2, 4e5, 1e5  # of the pretension; EA [N] of steel, and of the softest
+_LOSS, _STIFF, _SOFT = 0.2, 4e5, 1e5  # expected share lost; EA [N] of steel, and the smallest
 
 
 @dataclass(frozen=True)
 class PretensionLoss(CableEffect):
-    """The same share of the pretension lost in all cables, by the clock."""
+    """Loss of the same share of pretension in all cables, over time."""
 
     cause: ClassVar[str] = "pretension_loss"
     remedy: ClassVar[Remedy] = Remedy(
@@ -58,7 +59,7 @@ class PretensionLoss(CableEffect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
 
-    time_constant: float = 0.0  # [s]; 0: ramp, by the hour
+    time_constant: float = 0.0  # [s]; 0: ramp, with e per hour
 
     @property
     def suits(self) -> bool:
@@ -71,7 +72,7 @@ class PretensionLoss(CableEffect):
 
     @property
     def unsuited(self) -> str:
-        """No cables, no more than freedoms, or no pretension in them."""
+        """Reason: no cables, no more cables than freedoms, or no pretension."""
         if not super().suits:
             return super().unsuited
         if self.cables.pretension > 0:
@@ -80,33 +81,33 @@ class PretensionLoss(CableEffect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Strain that the lost pretension made, e [1]."""
+        """Strain e that the lost pretension caused [1]."""
         pull = self.cables.pretension
         return self.shared("strain", "1", _LOSS * pull / _STIFF, 0.0, pull / _SOFT)
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-e h(t) n l, as an angle that lets out so much."""
+        """-e h(t) n l, as the motor angle that lets out as much."""
         last = c.shape[0] - 1
         own = cable(s, c[0:last])
         tightness, time = s[1], s[2]
         return -v[0] * course(time, c[last], -1.0) * tightness * length(own.at) / own.gain
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each cable, by the clock in the place of its pulls."""
+        """One term per cable, with tightness and time in place of its pulls."""
         for i, term in enumerate(super().terms(places)):
             own = places.begin(JOINT) + i, places.begin(TIGHTNESS) + i, places.begin(TIME)
             signals = (*own, *term.signals[len(own) :])
             yield replace(term, signals=signals, constants=(*term.constants, self.time_constant))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A ramp, and settlings from minutes to an hour."""
+        """A ramp, and settling from minutes to over an hour."""
         del at
         for constant in (0.0, *TIME_CONSTANTS):
             yield replace(self, time_constant=constant)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """About the time constant; a ramp has none."""
+        """Interval of the time constant; none for a ramp."""
         return around(self.time_constant, -1.0)
 
     def regressor(self, at: Conditions) -> Regressor:
@@ -116,5 +117,5 @@ class PretensionLoss(CableEffect):
 
     @property
     def bound_to_session(self) -> bool:
-        """A loss by the clock says nothing of another day."""
+        """True: a loss by the clock says nothing about another day."""
         return True

@@ -1,7 +1,7 @@
-"""Cables that leave over a swivelling pulley, not through a point.
+"""Cables that leave the frame over a swivelling pulley, not through a point.
 
-The cable comes up the pulley's swivel axis, which is vertical and goes through the anchor, and
-leaves tangentially towards the platform joint, h away and z above the anchor:
+The cable runs up along the pulley's swivel axis, which is vertical and passes through the anchor,
+and leaves tangentially towards the platform joint, h away from the anchor and z above it:
 
     d = (h - r, z)    t = sqrt(|d|^2 - r^2)    gamma = atan2(h - r, z) + atan2(r, t)
     length = r gamma + t                       dl = |(h, z)| - length
@@ -22,10 +22,10 @@ from delta_calibration.parameters import ParameterSet
 
 
 def excess(away: Symbol, radius: Symbol) -> Symbol:
-    """Length over the pulley less the straight distance [m].
+    """Length over the pulley minus the straight distance [m].
 
     Args:
-        away: from the anchor to the platform joint [m]; level with it over 2 r.
+        away: vector from the anchor to the platform joint [m]; its horizontal part exceeds 2 r.
         radius: r [m].
     """
     across, above = level(away) - radius, away[2]
@@ -36,10 +36,10 @@ def excess(away: Symbol, radius: Symbol) -> Symbol:
 
 @dataclass(frozen=True)
 class PulleyRadius(CableEffect):
-    """Pulleys of one radius at all anchors.
+    """Pulleys of the same radius at all anchors.
 
-    The effect is not proportional to the radius: columns are slopes at `radius`, which follows the
-    value that is found.
+    The effect is not proportional to the radius: columns are derivatives at `radius`, which
+    follows the identified value.
     """
 
     cause: ClassVar[str] = "pulley_radius"
@@ -52,7 +52,7 @@ class PulleyRadius(CableEffect):
     kind: ClassVar[str] = "structure"
     limits: ClassVar[Limits] = {"radius": (0.0, 0.5)}
 
-    radius: float = 0.0  # [m] about which the effect is taken as linear
+    radius: float = 0.0  # [m] about which the effect is linearized
 
     @property
     def parameters(self) -> ParameterSet:
@@ -61,15 +61,15 @@ class PulleyRadius(CableEffect):
 
     @property
     def about(self) -> Array:
-        """The radius about which it is linear."""
+        """Radius about which the effect is linearized [m], (1,)."""
         return np.array([self.radius])
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """Length over the pulley beyond the straight one, as an angle that lets out less."""
+        """Extra length over the pulley relative to home, as a negative motor angle."""
         own = cable(s, c)
         return -(excess(own.at, v[0]) - excess(own.home, v[0])) / own.gain
 
     def refined(self, values: Array) -> PulleyRadius:
-        """Exact at the radius that was found."""
+        """The effect linearized at the identified radius."""
         return replace(self, radius=float(max(values[0], 0.0)))

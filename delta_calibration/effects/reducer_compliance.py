@@ -1,4 +1,4 @@
-"""Reducers of a serial arm that twist under what they accelerate and hold.
+"""Elastic twist of a serial arm's reducers under weight and inertia.
 
 dq = -tau / k
 """
@@ -18,7 +18,7 @@ from delta_calibration.mechanisms import SerialArm
 class ReducerCompliance(DriveCompliance):
     """Elastic twist of each joint's reducer.
 
-    Joints that stand upright, as a SCARA's, bear no weight: there it shows by acceleration only.
+    Upright joints, as a SCARA's, bear no weight: there only acceleration reveals the effect.
     """
 
     cause: ClassVar[str] = "reducer_compliance"

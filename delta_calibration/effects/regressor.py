@@ -1,4 +1,4 @@
-"""What an effect's picture is drawn against: a quantity, and groups of samples by colour."""
+"""Horizontal axis of an effect's picture, and groups of samples that it shows by colour."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ Groups = tuple[tuple[str, NDArray[np.bool_]], ...]  # name and samples (n,) of e
 
 _DEGREES = 180 / np.pi
 _MM = 1e3
-_MOST_LEVELS = 3  # of a payload
-_SAME = 1e-3  # [kg] within which two payloads are one level
+_MOST_LEVELS = 3  # largest number of payload levels that get a colour each
+_SAME = 1e-3  # [kg] difference up to which two payloads are one level
 
 
 @dataclass(frozen=True)
 class Regressor:
     """A quantity of each sample: `of(conditions, joint)` gives its values (n,).
 
-    The joint's index counts only for a quantity that each joint has of its own.
+    The joint's index matters only for a quantity that each joint has separately.
     """
 
     title: str  # with its unit
     of: Callable[[Conditions, int], Array]
-    sliding: Regressor | None = None  # the same of joints that slide
+    sliding: Regressor | None = None  # the same quantity for joints that slide
 
     def of_joints(self, unit: str) -> Regressor:
-        """For joints whose unit is `rad` or `m`."""
+        """The regressor for joints whose unit is `rad` or `m`."""
         return self.sliding if unit == "m" and self.sliding is not None else self
 
 
@@ -74,13 +74,13 @@ def all_together(at: Conditions) -> Groups:
 
 
 def by_direction(at: Conditions, joint: int) -> Groups:
-    """Samples by the direction in which a joint last went."""
+    """Samples by a joint's last direction of motion."""
     side = at.direction[:, joint]
     return ("joint last went up", side > 0), ("joint last went down", side < 0)
 
 
 def by_payload(at: Conditions) -> Groups:
-    """Samples by payload, where there are two or three; else all in one group."""
+    """Samples by payload, if there are two or three levels; else all in one group."""
     levels = np.unique(np.round(at.payload[np.isfinite(at.payload)], 3))
     if not 1 < len(levels) <= _MOST_LEVELS:
         return all_together(at)

@@ -9,13 +9,13 @@ ADJUST, REPAIR, COMPENSATE, MEASURE = "adjust", "repair", "compensate", "measure
 
 @dataclass(frozen=True)
 class Remedy:
-    """What cures a cause.
+    """Action against a cause, and the test that confirms it.
 
     Attributes:
-        do: `adjust`, `repair`, `compensate` (by the extended calibration) or `measure` (what is
-            wrong is the measurement, not the machine).
-        part: of the machine or the cell, in words.
-        how: in words, an order to somebody at the machine.
+        do: `adjust`, `repair`, `compensate` (by the extended calibration) or `measure` (the
+            measurement is wrong, not the machine).
+        part: part of the machine or the cell, in words.
+        how: instruction to the person at the machine, in words.
         confirm: the one test that would confirm the cause, in words.
     """
 

@@ -1,6 +1,6 @@
-"""Rods of a Delta, whichever model of it: pairs as one, or six of their own.
+"""Rods of a Delta in both of its models: one length per pair, or six separate rods.
 
-A pair has a mean length l and, where rods are told apart, a mismatch m: l_a = l - m/2 and
+A pair has a mean length l and, in the six-rod model, a mismatch m: l_a = l - m/2 and
 l_b = l + m/2. With U the potential of the masses, the pulls N_a and N_b follow from
 
     dU/dl = -(N_a + N_b)        dU/dm = -(N_b - N_a) / 2
@@ -17,20 +17,20 @@ from delta_calibration.model.terms import Term
 
 
 def pulls(s: Symbol) -> tuple[Symbol, Symbol]:
-    """Pull in rods a and b [N], by dU/dl and dU/dm; equal where the rods are not told apart."""
+    """Pull in rods a and b [N], from dU/dl and dU/dm; equal if the model has no mismatch."""
     both, apart = -s[0], -2 * s[1]
     return (both - apart) / 2, (both + apart) / 2
 
 
 def lengthened(a: Symbol, b: Symbol) -> Symbol:
-    """Change of a pair's mean and mismatch when its rods grow by so much [m]."""
+    """Change of a pair's mean length and mismatch if its rods lengthen by a and b [m]."""
     return column((a + b) / 2, b - a)
 
 
 def pairs(
     mechanism: Mechanism, places: Places, constants: tuple[float, ...] = ()
 ) -> Iterator[Term]:
-    """A term for each pair: its loads, one value, its mean and its mismatch."""
+    """Yield a term per pair: signals are its loads, outputs its mean length and mismatch."""
     names = mechanism.parameters.names
     for leg in range(1, mechanism.joints + 1):
         rows = [

@@ -1,9 +1,9 @@
 """Signals: all numbers of a sample that an effect's law may take.
 
-What was recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...)
-and what the machine makes of it (pose, dimensions, torques of weight and inertia, pulls of
-cables, force and moment on the base and on the platform). A law names the ones it takes; each has
-a place in one row of numbers, the same for all effects on a mechanism.
+Some are recorded (joint angles, rates, direction of the last motion, payload, temperatures, ...),
+others are computed with the machine's model (pose, dimensions, torques of weight and inertia,
+pulls of cables, force and moment on the base and on the platform). A law names the signals that it
+takes; each has a fixed place in one row of numbers, the same for all effects on a mechanism.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ JOINT, RATE, ACCELERATION = "joint", "rate", "acceleration"
 DIRECTION, TRAVEL = "direction", "travel"
 GRAVITY, INERTIA, PULL, PULL_HOME = "gravity", "inertia", "pull", "pull_home"
 POSE, GEOMETRY, LOAD, REACTION = "pose", "geometry", "load", "reaction"
-CARRIED, TIGHTNESS = "carried", "tightness"  # by the payload; of pulls, by the pretension
+CARRIED, TIGHTNESS = "carried", "tightness"  # payload's force, moment; pulls per pretension
 TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
 READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
 
@@ -49,18 +49,18 @@ _ASKED = {
     PULL_HOME: OF_PULLS,
     TIGHTNESS: OF_TIGHTNESS,
 }
-_STANDING = (*_ASKED, POSE, GEOMETRY)  # what only a machine that stands somewhere has
-OF_PULLING = (PULL, PULL_HOME, TIGHTNESS)  # what only limbs have that can do nothing else
+_STANDING = (*_ASKED, POSE, GEOMETRY)  # signals that require the machine's pose
+OF_PULLING = (PULL, PULL_HOME, TIGHTNESS)  # signals of limbs that can only pull
 OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, *OF_PULLING)
 
 
 @dataclass(frozen=True)
 class Places:
-    """Where each signal begins in a sample's row.
+    """Layout of the signals in a sample's row.
 
     Attributes:
-        sizes: name and how many numbers, in order.
-        parts: of which temperatures are known.
+        sizes: name and number of numbers of each signal, in order.
+        parts: parts whose temperatures are recorded.
     """
 
     sizes: tuple[tuple[str, int], ...]
@@ -68,36 +68,36 @@ class Places:
 
     @classmethod
     def of(cls, mechanism: Mechanism, parts: tuple[str, ...]) -> Places:
-        """Of a mechanism, and the parts whose temperature is recorded."""
+        """Layout for a mechanism and the parts whose temperatures are recorded."""
         return _places(mechanism.joints, mechanism.pose_size, len(mechanism.parameters), parts)
 
     @property
     def of_joints(self) -> tuple[str, ...]:
-        """Signals that each joint has of its own."""
+        """Signals with one number per joint."""
         return OF_JOINTS
 
     def count(self, name: str) -> int:
-        """How many numbers a signal has."""
+        """Number of numbers of a signal."""
         return dict(self.sizes)[name]
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Where each signal stands in a row."""
+        """Slice of each signal in a row."""
         ends = accumulate((size for _, size in self.sizes), initial=0)
         spans = (slice(*span) for span in pairwise(ends))
         return dict(zip((name for name, _ in self.sizes), spans, strict=True))
 
     def begin(self, name: str) -> int:
-        """Place of a signal's first number."""
+        """Index of a signal's first number."""
         return int(self.slices[name].start)
 
     @cached_property
     def size(self) -> int:
-        """Numbers in a row."""
+        """Number of numbers in a row."""
         return sum(size for _, size in self.sizes)
 
     def temperature(self, part: str) -> int:
-        """Place of a part's temperature; where it is not recorded, of nothing."""
+        """Index of a part's temperature; that of `NOTHING` if it is not recorded."""
         if part not in self.parts:
             return self.begin(NOTHING)
         return self.begin(TEMPERATURE) + self.parts.index(part)
@@ -114,7 +114,7 @@ def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
 
 
 def asked_of(names: Any) -> int:
-    """Which loads (sums of flags) these signals need."""
+    """Loads that these signals need, as a sum of flags."""
     flags = 0
     for name in names:
         flags |= _ASKED.get(name, 0)
@@ -122,19 +122,19 @@ def asked_of(names: Any) -> int:
 
 
 def all_asked(mechanism: Mechanism) -> int:
-    """Flags of every load that a mechanism has."""
+    """All loads that a mechanism has, as a sum of flags."""
     pulls = OF_PULLS | OF_TIGHTNESS if mechanism.pulls else 0
     return OF_WEIGHT | OF_INERTIA | OF_DIMENSIONS | OF_REACTION | OF_CARRIED | pulls
 
 
 def standing_asked(names: Any) -> bool:
-    """Whether any of these signals needs a machine that stands somewhere."""
+    """Whether any of these signals requires the machine's pose."""
     return any(name in _STANDING for name in names)
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Signals of n samples: rows of numbers, and where each stands in them."""
+    """Signals of n samples: rows of numbers, and their layout."""
 
     places: Places
     rows: Array  # (n, S)
@@ -151,7 +151,7 @@ class Signals:
         return self.rows[:, self.places.slices[name]]
 
     def with_(self, **values: Array) -> Signals:
-        """The same with other values of some signals."""
+        """Copy with other values of some signals."""
         rows = self.rows.copy()
         changed = replace(self, rows=rows)
         for name, value in values.items():
@@ -160,7 +160,7 @@ class Signals:
 
 
 def recorded(mechanism: Mechanism, at: Conditions) -> Signals:
-    """What was recorded of samples; what only a machine has is zero."""
+    """Recorded signals of samples; those computed with the machine's model are zero."""
     places = Places.of(mechanism, at.temperature_parts)
     rows, where = np.zeros((len(at), places.size)), places.slices
     rows[:, where[JOINT]] = at.joint
@@ -186,16 +186,16 @@ def standing(
     asked: int,
     joint: Array | None = None,
 ) -> Signals:
-    """The signals of a machine that stands at poses x (n, k) with dimensions g, its loads with it.
+    """Signals of a machine at poses x (n, k) with dimensions g, including its loads.
 
     Args:
-        signals: what was recorded.
-        robot: masses.
-        mechanism: the machine.
-        x: its poses, (n, k).
-        g: its dimensions, (p,) or (n, p).
-        asked: loads, see `asked_of`.
-        joint: where its joints stand, (n, m), if not where they are said to.
+        signals: recorded signals.
+        robot: robot with its masses.
+        mechanism: mechanism of the machine.
+        x: poses, (n, k).
+        g: dimensions, (p,) or (n, p).
+        asked: wanted loads, see `asked_of`.
+        joint: actual joint coordinates, (n, m); by default those of the signals.
     """
     found = signals.with_(**{POSE: x, GEOMETRY: g})
     if asked:
@@ -221,7 +221,7 @@ def standing(
 
 
 def nominal(robot: Robot, mechanism: Mechanism, at: Conditions, asked: int) -> Signals:
-    """The signals of the drawing's machine under these conditions."""
+    """Signals of the nominal machine under these conditions, with the wanted loads."""
     g, signals = mechanism.parameters.nominal, recorded(mechanism, at)
     x = mechanism.forward(at.joint, g)
     return standing(signals, robot, mechanism, x, g, asked)

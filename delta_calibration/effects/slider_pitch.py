@@ -1,4 +1,4 @@
-"""A slider's screw whose thread is cut a little too long or too short.
+"""Pitch error of a slider's screw.
 
 dq = s q
 """
@@ -18,10 +18,10 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class SliderPitch(Effect):
-    """Each slider goes farther than it says, in proportion to where it stands.
+    """Each slider moves farther than its reading, in proportion to its position.
 
-    For mechanisms whose joints are lengths. The same column as a wrong gear ratio; what is typical
-    and what is possible are a screw's.
+    For mechanisms whose joints are lengths. The column is that of a wrong gear ratio; the expected
+    size and the bounds are those of a screw.
     """
 
     cause: ClassVar[str] = "slider_pitch"
@@ -42,7 +42,7 @@ class SliderPitch(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """s of each slider [1]: some hundredths of a millimetre over the travel."""
+        """s of each slider [1]: a few hundredths of a millimetre over the travel."""
         return self.each_joint("pitch", "1", 50e-6, -2e-3, 2e-3)
 
     takes: ClassVar[tuple[str, ...]] = (JOINT,)
@@ -53,5 +53,5 @@ class SliderPitch(Effect):
         return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """What the drive reads at that zero."""
+        """Drive reading at that zero."""
         return (float(self.mechanism.drives.zero[joint]),)

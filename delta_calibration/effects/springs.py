@@ -1,8 +1,8 @@
-"""What effects of parts that give way under loads have in common.
+"""Bases of the effects of parts that deform under load.
 
 dq = -tau / k        tau = dU/dq + J^T M a
 
-of a drive, by the torque of the weight that it holds and of the inertia that it accelerates.
+for a drive, with the torque of the weight that it holds and of the inertia that it accelerates.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
-GIVE, MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] 1/k of a drive: expected, and of the softest
+GIVE, MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] compliance 1/k of a drive: expected, and largest
 
 
 @dataclass(frozen=True)
 class DeltaLoadEffect(Effect):
-    """Base of the effects of the loads in a rotary Delta."""
+    """Base of the effects of loads in a rotary Delta."""
 
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property
     def suits(self) -> bool:
-        """Whether its loads are known: those of a rotary Delta."""
+        """Whether the mechanism is a rotary Delta, whose loads are known."""
         return isinstance(self.mechanism, DeltaModel)
 
 
@@ -47,6 +47,6 @@ class DriveCompliance(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-tau / k, of weight and of inertia."""
+        """-tau / k, with tau of weight and inertia."""
         del c
         return -v[0] * (s[0] + s[1])

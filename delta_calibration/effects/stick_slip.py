@@ -1,10 +1,10 @@
-"""Friction that holds a joint back while it creeps and lets go at speed.
+"""Stick-slip: static friction holds a joint back at low speed and falls at higher speed.
 
     dq = -a direction (c + (1 - c) exp(-(dq/dt / v_s)^2))
 
 Stribeck's curve as in the LuGre model ("A new model for control of systems with friction", IEEE
-Trans. Automatic Control 40 (1995) 419); c is Coulomb's level over that of static friction. A drive
-of finite stiffness is twisted by it.
+Trans. Automatic Control 40 (1995) 419); c is the ratio of Coulomb to static friction. The friction
+twists a drive of finite stiffness.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class StickSlip(Effect):
-    """Twist of a drive: full at creeping speed, `level` of it beyond `speed` [rad/s or m/s]."""
+    """Twist of a drive: full at low speed, a share `level` of it above `speed` [rad/s or m/s]."""
 
     cause: ClassVar[str] = "stick_slip"
     told: ClassVar[Mapping[str, tuple[str, str]]] = {
@@ -54,7 +54,7 @@ class StickSlip(Effect):
         return self.each_joint("stick", "rad", 50e-6, 0.0, 0.01)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By the direction in which the joint last went."""
+        """Groups by the joint's last direction of motion."""
         return by_direction(at, joint)
 
     takes: ClassVar[tuple[str, ...]] = (
@@ -64,7 +64,7 @@ class StickSlip(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """Stribeck's curve."""
+        """Twist by Stribeck's curve."""
         let_go = exp(-((s[1] / c[0]) ** 2))
         return -v[0] * s[0] * (c[1] + (1 - c[1]) * let_go)
 
@@ -74,13 +74,13 @@ class StickSlip(Effect):
         return self.speed, self.level
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Speeds from creeping to brisk, with little left beyond them and with some."""
+        """Low to moderate speeds, each with a small and a larger `level`."""
         del at
         for speed, level in product(_SPEEDS, (_LEVEL, 3 * _LEVEL)):
             yield replace(self, speed=speed * self.mechanism.joint_size, level=level)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Between the neighbours of the search."""
+        """Searched fields, each between its neighbours in the search."""
         return (
             ("speed", self.speed / 2, 2 * self.speed),
             ("level", max(0.0, self.level - _LEVEL), min(self.level + _LEVEL, 1.0)),

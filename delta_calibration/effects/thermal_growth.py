@@ -1,9 +1,9 @@
-"""Parts that grow with their temperature.
+"""Thermal growth of parts.
 
-    dL = alpha L (T - 20 deg C)        by the part's own sensor, or
-    dL = growth L (1 - exp(-t / tau))  where no sensor follows the warming
+    dL = alpha L (T - 20 deg C)        with a temperature sensor, or
+    dL = growth L (1 - exp(-t / tau))  if no sensor follows the warming
 
-20 deg C is the standard reference temperature (ISO 1): there the part has its drawing's length.
+20 deg C is the standard reference temperature (ISO 1), at which the part has its nominal length.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 REFERENCE = 20.0  # [deg C]
-_WARMING = 0.5  # [K] a sensor that moves less says nothing
-_BEHIND = 60.0  # [s] that a sensor may be behind its part, a standard deviation: assumed
-_AROUND = 150.0  # [s] before and after, over which a rate of warming is taken
+_WARMING = 0.5  # [K] a sensor whose temperature varies less is of no use
+_BEHIND = 60.0  # [s] assumed standard deviation of a sensor's delay behind its part
+_AROUND = 150.0  # [s] before and after a sample, over which the warming rate is averaged
 
 
 @dataclass(frozen=True)
 class ThermalGrowth(Effect):
-    """A part's dimensions change in proportion to themselves."""
+    """Growth of a part's dimensions, each in proportion to its length."""
 
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
@@ -43,21 +43,21 @@ class ThermalGrowth(Effect):
     one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant")
     either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink
 
-    sensor: str = ""  # whose temperature; none: by the clock
-    time_constant: float = 0.0  # [s] of the warming by the clock
+    sensor: str = ""  # part whose temperature is used; empty: growth follows time
+    time_constant: float = 0.0  # [s] of the warming over time
 
     @abstractmethod
     def lengths(self) -> Array:
-        """What of each geometry parameter grows with the part, (p,) [m]."""
+        """Length of the part contained in each geometry parameter, (p,) [m]."""
 
     @property
     def suits(self) -> bool:
-        """Whether a dimension of the mechanism is one of the part's."""
+        """Whether any dimension of the mechanism belongs to the part."""
         return bool(self.lengths().any())
 
     @property
     def parameters(self) -> ParameterSet:
-        """alpha [1/K], at most 30e-6 for a metal; or the whole growth [1] by the clock."""
+        """alpha [1/K], at most 30e-6 for a metal; or the whole growth [1] over time."""
         if self.sensor:
             return self.shared("expansion", "1/K", 15e-6, 0.0, 40e-6)
         return self.shared("growth", "1", 150e-6, -1e-3, 1e-3)
@@ -70,7 +70,7 @@ class ThermalGrowth(Effect):
         return v[0] * length * warm
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each dimension that grows; not a number where its sensor was not recorded."""
+        """One term per dimension that grows; NaN if its sensor was not recorded."""
         signal = places.temperature(self.sensor) if self.sensor else places.begin(TIME)
         known = not self.sensor or self.sensor in places.parts
         by_sensor, lengths = float(bool(self.sensor)), self.lengths()
@@ -85,20 +85,20 @@ class ThermalGrowth(Effect):
         return temperature(self.sensor) if self.sensor else CLOCK
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
-        """By the part's own thermometer; by the clock where it has none."""
+        """The part's own thermometer; growth over time if it has none."""
         if self.part in thermometers:
             return {SENSOR: self.part}
         return {"time_constant": WARM_UP}
 
     def missing(self, at: Conditions) -> str:
-        """The sensor it goes by."""
+        """The sensor's temperature, if it is not known."""
         recorded = self.sensor in at.temperature_parts
         if self.sensor and not (recorded and np.isfinite(at.of_part(self.sensor)).all()):
             return f"the temperature of part {self.sensor!r} is not known"
         return ""
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Its own sensor; else every other sensor that moves, and warming by the clock."""
+        """Its own sensor; else every other sensor that varies, and warming over time."""
         if self.part in at.temperature_parts:
             yield replace(self, sensor=self.part, time_constant=0.0)
             return
@@ -109,7 +109,7 @@ class ThermalGrowth(Effect):
             yield replace(self, sensor="", time_constant=constant)
 
     def doubt(self) -> Effect | None:
-        """A sensor is behind its part by a time that nobody states."""
+        """Effect of a sensor's delay behind its part, which is not known; None over time."""
         return _Behind(self.robot, self.mechanism, self) if self.sensor else None
 
     def nominal_of(self, cause: str) -> Array:
@@ -118,18 +118,18 @@ class ThermalGrowth(Effect):
         return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """About the time constant, where the growth goes by the clock."""
+        """Interval of the time constant, if the growth follows time."""
         return () if self.sensor else around(self.time_constant, -1.0)
 
     @property
     def bound_to_session(self) -> bool:
-        """Growth by the clock; by a sensor it holds on."""
+        """Whether growth follows time; with a sensor it stays valid."""
         return not self.sensor
 
 
 @dataclass(frozen=True)
 class _Behind(Effect):
-    """What grows more than its sensor says, by as much as it warms while that is behind."""
+    """Growth that a sensor misses because it lags behind the warming of its part."""
 
     cause: ClassVar[str] = "sensor_behind"
     kind: ClassVar[str] = "structure"
@@ -139,13 +139,13 @@ class _Behind(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Those of the growth."""
+        """Parameters of the growth."""
         return self.growth.parameters
 
     def columns_of(
         self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
     ) -> Array:
-        """See `Effect.columns_of`; (n, p, 1) [m K] of the stage, of all samples of a session."""
+        """See `Effect.columns_of`; for the stage itself (n, p, 1) [m K]; needs whole sessions."""
         clock = signals.of(TIME)[:, 0]
         order = np.argsort(clock)
         begin = signals.places.temperature(self.growth.sensor)

@@ -24,5 +24,5 @@ class ThermalGrowthArm(ThermalGrowth):
     part: ClassVar[str] = "arm"
 
     def lengths(self) -> Array:
-        """(p,) [m]."""
+        """Nominal lengths that grow with the part, 0 elsewhere, (p,) [m]."""
         return self.nominal_of("arm_length")

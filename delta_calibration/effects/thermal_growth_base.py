@@ -28,11 +28,11 @@ class ThermalGrowthBase(ThermalGrowth):
 
     @property
     def suits(self) -> bool:
-        """Whether there is such a plate: a rotary Delta's."""
+        """Whether the mechanism is a rotary Delta, which has such a plate."""
         return isinstance(self.mechanism, DeltaModel)
 
     def lengths(self) -> Array:
-        """(p,) [m]."""
+        """Nominal lengths that grow with the part, 0 elsewhere, (p,) [m]."""
         names = self.mechanism.parameters.names
         radial = [name.startswith(("base_radial", "joint_radial")) for name in names]
         return np.where(radial, self.robot.dimensions.base_radius, 0.0)

@@ -24,5 +24,5 @@ class ThermalGrowthForearm(ThermalGrowth):
     part: ClassVar[str] = "forearm"
 
     def lengths(self) -> Array:
-        """(p,) [m]."""
+        """Nominal lengths that grow with the part, 0 elsewhere, (p,) [m]."""
         return self.nominal_of("forearm_length")

@@ -15,7 +15,7 @@ from delta_calibration.mechanisms import SerialArm
 
 @dataclass(frozen=True)
 class ThermalGrowthLink(ThermalGrowth):
-    """Lengths and offsets of the links grow."""
+    """Growth of the links' lengths and offsets."""
 
     cause: ClassVar[str] = "thermal_growth_link"
     remedy: ClassVar[Remedy] = Remedy(
@@ -27,6 +27,6 @@ class ThermalGrowthLink(ThermalGrowth):
     part: ClassVar[str] = "link"
 
     def lengths(self) -> Array:
-        """(p,) [m]; none where the mechanism is no arm."""
+        """Lengths and offsets as drawn, (p,) [m]; zeros if the mechanism is not an arm."""
         arm = self.mechanism
         return arm.drawn_along if isinstance(arm, SerialArm) else np.zeros(len(arm.parameters))

@@ -1,4 +1,4 @@
-"""How what depends on the clock goes: a ramp, a settling towards an end, a step."""
+"""Time courses of effects: a ramp, settling towards a final value, or a step."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from delta_calibration.model.symbols import Symbol, exp, maximum, where
 Array = NDArray[np.float64]
 
 HOUR = 3600.0  # [s]
-WARM_UP = 2400.0  # [s] time constant of a machine that was switched on
+WARM_UP = 2400.0  # [s] time constant of a machine's warm-up after it is switched on
 EITHER = ("time_constant", "step_at")  # settings of which only one can be given
 LIMITS: Limits = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9)}  # [s]
 TOLD = {"time_constant": ("time_constant_s", "s"), "step_at": ("step_at_s", "s")}
-TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; a longer one is a ramp to a session
-_STEPS = 24
-_NEAR = 300.0  # [s] of a step of the search
-_LEAST = 8  # samples either side of a step
+TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; longer ones look like a ramp
+_STEPS = 24  # a search tries fewer than twice as many step times
+_NEAR = 300.0  # [s] half width of the interval about the time of a step
+_LEAST = 8  # least number of times at rest on either side of a step
 
 
 def course(time: Symbol, time_constant: Symbol, step_at: Symbol) -> Symbol:
-    """h(time): hours, the share of a settling that is over, or 0 before a step and 1 after.
+    """h(time): a ramp in hours, settling from 0 to 1, or 0 before a step and 1 after it.
 
     Args:
-        time: since the session's start [s].
-        time_constant: of the settling [s]; 0 for a ramp.
+        time: time since the session's start [s].
+        time_constant: time constant of the settling [s]; 0 for a ramp.
         step_at: moment of the step [s]; negative for none.
     """
     settled = 1 - exp(-maximum(time, 0.0) / maximum(time_constant, 1e-9))
@@ -38,7 +38,7 @@ def course(time: Symbol, time_constant: Symbol, step_at: Symbol) -> Symbol:
 
 
 def courses(at: Conditions) -> Iterator[tuple[float, float]]:
-    """Pairs (time constant, step) worth trying on such samples: steps between poses at rest."""
+    """Yield pairs (time constant, step) worth trying [s]; steps lie between poses at rest."""
     yield 0.0, -1.0
     for constant in TIME_CONSTANTS:
         yield constant, -1.0
@@ -49,7 +49,7 @@ def courses(at: Conditions) -> Iterator[tuple[float, float]]:
 
 
 def around(time_constant: float, step_at: float) -> tuple[Interval, ...]:
-    """Which of the two was searched, and where the best of it lies."""
+    """Field of the two that was searched, with an interval around it; none for a ramp."""
     if step_at >= 0:
         return (("step_at", max(0.0, step_at - _NEAR), step_at + _NEAR),)
     if time_constant > 0:

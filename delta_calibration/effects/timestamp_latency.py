@@ -1,4 +1,4 @@
-"""Tracker and joints stamped by clocks that differ.
+"""Time offset between the clocks of tracker and joints.
 
 dy = -(dy/dt) T           nothing at rest
 """
@@ -19,7 +19,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class TimestampLatency(Effect):
-    """A reading belongs to where the platform was T before its stamp says."""
+    """A reading shows the platform as it was a time T before the reading's stamp."""
 
     cause: ClassVar[str] = "timestamp_latency"
     remedy: ClassVar[Remedy] = Remedy(

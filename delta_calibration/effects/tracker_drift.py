@@ -1,4 +1,4 @@
-"""A tracker whose stand or zero creeps: a small rigid motion of all readings over time.
+"""Drift of the tracker's stand or zero: a small rigid motion of all readings over time.
 
 dy = (t + w x y) h(time)
 """
@@ -51,7 +51,7 @@ class TrackerDrift(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Shift [m] and turn [rad] of an hour, of the whole settling or of the step."""
+        """Shift t [m] and turn w [rad]: per hour, of the whole settling, or of the step."""
         names = [("shift", "m", 30e-6, 2e-3), ("turn", "rad", 10e-6, 1e-3)]
         return ParameterSet(
             tuple(
@@ -67,7 +67,7 @@ class TrackerDrift(Effect):
         return CLOCK
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
-        """Settles as the stand warms up with the machine."""
+        """Settling with the machine's warm-up, as the stand warms up with it."""
         del thermometers
         return {"time_constant": WARM_UP}
 
@@ -87,15 +87,15 @@ class TrackerDrift(Effect):
         return self.time_constant, self.step_at
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A ramp, settlings from minutes to an hour, steps."""
+        """A ramp, settling from minutes to over an hour, and steps."""
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """About the time constant or the moment of the step; a ramp has neither."""
+        """Interval of the time constant or of the moment of the step; none for a ramp."""
         return around(self.time_constant, self.step_at)
 
     @property
     def bound_to_session(self) -> bool:
-        """A drift by the clock says nothing of another day."""
+        """True: a drift by the clock says nothing about another day."""
         return True

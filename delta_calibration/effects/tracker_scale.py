@@ -1,4 +1,4 @@
-"""A tracker that reads too long: wrong air, wrong wavelength.
+"""Scale error of the tracker, from wrong air data or a wrong wavelength.
 
 dy = s y            about -1 ppm/K of wrong air temperature, +0.27 ppm/hPa of wrong pressure
 """
@@ -19,7 +19,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class TrackerScale(Effect):
-    """Every distance from the tracker is read too long by the share s."""
+    """Every distance from the tracker reads too long by the share s."""
 
     cause: ClassVar[str] = "tracker_scale"
     remedy: ClassVar[Remedy] = Remedy(

@@ -1,9 +1,9 @@
-"""Teeth and wave generators: an error that repeats many times a turn.
+"""Transmission error of gears: a periodic error with many cycles per turn of the joint.
 
 dq = a sin(n q) + b cos(n q)        q unwrapped; n of the gear: 1x and 2x of a motor turn
 
-A train that errs once a turn of the motor mostly does so twice as well: beside the order that is
-found first, another of the same train may be.
+Teeth and wave generators cause it. A gear train with an error once per motor turn mostly has one
+twice per turn as well: a second order of the same train may exist besides the order found first.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class TransmissionError(HarmonicEffect):
-    """A harmonic of `cycles` a turn of the joint, the same for all joints, and one beside it."""
+    """A harmonic of `cycles` per turn of the joint, equal for all joints, and a second one."""
 
     cause: ClassVar[str] = "transmission_error"
     remedy: ClassVar[Remedy] = Remedy(
@@ -42,11 +42,11 @@ class TransmissionError(HarmonicEffect):
     live_strength: ClassVar[float] = 0.8
 
     cycles: float = 33.0
-    second: float = 0.0  # order beside it, in multiples of `cycles`; 0 where there is none
+    second: float = 0.0  # second order, in multiples of `cycles`; 0 if there is none
 
     @property
     def suits(self) -> bool:
-        """Whether a joint is moved by a gear; a winch turns too often for a search."""
+        """Whether the joints may have gears; a winch turns too often for a search."""
         return self.mechanism.limb == "joint"
 
     @property
@@ -56,25 +56,25 @@ class TransmissionError(HarmonicEffect):
 
     @property
     def orders(self) -> tuple[float, ...]:
-        """Cycles a turn of the joint of each harmonic."""
+        """Cycles per turn of the joint, for each harmonic."""
         return (self.cycles, self.second * self.cycles) if self.second else (self.cycles,)
 
     @property
     def order(self) -> float | None:
-        """That of the only harmonic."""
+        """Order of the harmonic if there is only one; else None."""
         return None if self.second else self.cycles
 
     def usual(self, thermometers: Collection[str]) -> dict[str, Setting]:
-        """Once a turn of the motor: the gear of the robot's file."""
+        """Once per turn of the motor: the gear ratio of the robot file."""
         del thermometers
         return {"cycles": self.robot.joints.gear_ratio}
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """The file's gear once and twice; then all that the joints' range can part.
+        """One and two times the gear ratio; then all orders that the joints' range can separate.
 
-        Two harmonics part over a range R of the joint from about 2 pi / R cycles on; three eighths
-        of that is the step of the search. What repeats less than three times over the range could
-        be any curve; the file's own gear is known.
+        A range R of the joint separates harmonics whose orders differ by about 2 pi / R cycles or
+        more; the step of the search is three eighths of that. An order that repeats less than
+        three times over the range could be any curve and is tried only if it is the gear's own.
         """
         gear = self.robot.joints.gear_ratio
         yield replace(self, cycles=gear)
@@ -89,10 +89,10 @@ class TransmissionError(HarmonicEffect):
             yield replace(self, cycles=cycles)
 
     def refinements(self, at: Conditions) -> Iterator[Effect]:
-        """Each shape of the search, and this one with another order of its train beside it.
+        """Each shape of the search, and this one with a second order of its gear train.
 
-        Where the slower of both repeats a few times in the joints' range: less often, two orders
-        could draw any curve.
+        The slower of both orders must repeat a few times in the joints' range: if it repeats less
+        often, two orders could fit any curve.
         """
         yield from self.shapes(at)
         turns = float(np.ptp(at.joint, axis=0).max()) / (2 * np.pi)
@@ -102,18 +102,18 @@ class TransmissionError(HarmonicEffect):
 
     @property
     def chosen(self) -> dict[str, str]:
-        """The order beside the first, where one was found."""
+        """The second order, if one was found."""
         return {"second_order": f"{self.second:g} times the order"} if self.second else {}
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Between the neighbours of the search."""
+        """Searched fields, each between its neighbours in the search."""
         size = self.mechanism.joint_size
         low = max(_LEAST_CYCLES / size, self.cycles - _BETWEEN / size)
         return (("cycles", low, self.cycles + _BETWEEN / size),)
 
 
-_LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # a turn of a Delta's joint
-_BETWEEN = 1.5
-_FEWEST = 3.0  # times that a wave repeats over the joints' range
-_OF_A_TRAIN = (2.0, 0.5, 4.0, 0.25)
-_REPEATS = 4.0  # times in the joints' range
+_LEAST_CYCLES, _SLOWEST, _MOST_CYCLES = 0.1, 8.0, 260.0  # per turn of a Delta's joint
+_BETWEEN = 1.5  # half width of the interval of `cycles`
+_FEWEST = 3.0  # least repetitions of a wave over the joints' range
+_OF_A_TRAIN = (2.0, 0.5, 4.0, 0.25)  # second orders to try
+_REPEATS = 4.0  # least repetitions of the slower of two orders

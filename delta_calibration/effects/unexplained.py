@@ -1,25 +1,25 @@
-"""Structure that nothing in the catalogue explains: smooth maps of what it moves with.
+"""Smooth maps of errors that nothing in the catalogue explains.
 
-No cause is claimed. Each joint is moved by a smooth function of where the machine stands, and of
-one condition times a plane over the joints:
+No cause is claimed. Each joint is moved by a smooth function of the joint coordinates, or by one
+condition times a plane (or bumps) over the joints:
 
     dq_j = sum_f w_jf phi_f(q)       phi: bumps about places of the session (position),
                                      bumps along each joint's angle alone (joint angle),
                                      condition(c) * (1, q_1, ..., q_m)       (all others), or
                                      condition(c) * bumps about places       (payload)
 
-and all of it times 1 within the joint angles that it was learned at, less beyond them,
+The whole is multiplied by 1 within the joint range that it was learned in, and beyond it by
 
     prod_j exp(-(d_j / r_j)^2)       d_j: how far joint j is beyond its range, r_j: a twentieth
                                      of that range
 
-as a map knows nothing of where nothing was measured. q and its rate are in units of `joint_size` s
-(q of sliders from home), and w of the order of `SIZES` times s: with s the mechanism's own, a map
-of a given size moves the platform of any mechanism by about as much.
+because nothing is known where nothing was measured. q and its rate are in units of `joint_size` s
+(q of sliders from home), and w is of the order of `SIZES` times s: with the mechanism's own s, a
+map of a given size moves the platform of any mechanism by about the same amount.
 
-Joint space serves for all: where the mechanism is regular, any displacement of its platform is
-one of its joints. The bumps with a normal prior on their weights are a Gaussian process seen from
-its inducing points.
+A map over the joints suffices: where the mechanism is regular, any displacement of its platform
+corresponds to one of its joints. The bumps with a normal prior on their weights are a Gaussian
+process represented by its inducing points.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ _CENTRES = 40
 SIZES = (3e-6, 10e-6, 30e-6, 100e-6, 300e-6)  # [rad of a Delta]: times the joint size
 WIDE, NARROW, FLAT = 0.5, 0.25, 0.0  # width of a bump over the spread of the places; 0: a plane
 _BUMPS = {POSITION: (WIDE, NARROW), PAYLOAD: (FLAT, NARROW)}
-_AGAINST = {SPEED: VELOCITY, TIME: CLOCK, PAYLOAD: LOAD}  # what a map is drawn against
-_SIGNALS = {  # what a map moves with
+_AGAINST = {SPEED: VELOCITY, TIME: CLOCK, PAYLOAD: LOAD}  # horizontal axis of a map's picture
+_SIGNALS = {  # signal that a map depends on
     DIRECTION: signals.DIRECTION,
     SPEED: signals.RATE,
     PAYLOAD: signals.PAYLOAD,
@@ -78,17 +78,17 @@ _SIGNALS = {  # what a map moves with
 }
 _SCALES = {TIME: (0.0, 1 / HOUR), TEMPERATURE: (REFERENCE, 0.1)}  # offset and scale
 _ALONG = 12  # bumps along a joint's angle
-_DIGITS = 1e6  # of places, in a file
-_FADING = 0.05  # of a joint's range, over which a map fades beyond it
-_LEAST = 1e-3  # [rad of a Delta] the same of a joint that stood still
+_DIGITS = 1e6  # the range is rounded outward to 1 / _DIGITS
+_FADING = 0.05  # share of a joint's range over which a map fades beyond it
+_LEAST = 1e-3  # [rad of a Delta] smallest such fading length, for a joint that stood still
 
 
 @dataclass(frozen=True)
 class Unexplained(Effect):
     """A smooth map over `family`; `centres` are the places of its bumps, (f m,) in a row.
 
-    Files of versions that knew no `joint_size` hold none: theirs is 0, for places and speeds taken
-    as they are and weights said to be in rad. Those that knew no range have none.
+    Older files hold no `joint_size`: it is then 0, places and speeds are unscaled, and weights are
+    stated in rad. Still older files hold no range either: their maps do not fade.
     """
 
     cause: ClassVar[str] = UNEXPLAINED
@@ -106,12 +106,12 @@ class Unexplained(Effect):
 
     family: str = POSITION
     # all in the joints' unit
-    size: float = SIZES[-1]  # standard deviation of a weight, before anything is known
+    size: float = SIZES[-1]  # prior standard deviation of a weight
     width: float = 0.0  # of a bump
     centres: tuple[float, ...] = ()
-    joint_size: float = 0.0  # that counts as one where a feature is a place or a speed
-    lower: tuple[float, ...] = ()  # (m,) joints that it was learned at, and is to be used at
-    upper: tuple[float, ...] = ()  # (m,)
+    joint_size: float = 0.0  # unit of places and speeds in the features
+    lower: tuple[float, ...] = ()  # (m,) lower end of the range that it was learned in
+    upper: tuple[float, ...] = ()  # (m,) upper end
 
     @classmethod
     def over(
@@ -127,12 +127,12 @@ class Unexplained(Effect):
 
         Args:
             effect_of: any effect on the mechanism.
-            family: what it moves with.
-            joint: the places.
-            size: of its weights [rad of a Delta].
+            family: quantity that the map depends on, one of `FAMILIES`.
+            joint: the places, (n, m).
+            size: prior standard deviation of its weights [rad of a Delta].
             reach: width of its bumps over the spread of the places, one of `reaches`; 0 for none.
-            seen: all joints that it is learned at, in motion too, (k, m); the places where not
-                given.
+            seen: all joint coordinates that it is learned from, also in motion, (k, m); by default
+                the places.
         """
         seen = joint if seen is None else seen
         mechanism = effect_of.mechanism
@@ -170,7 +170,7 @@ class Unexplained(Effect):
         return _weights(self.family.replace(" ", "_"), count, m, self.size / SPREAD, unit)
 
     def wrong(self) -> str:
-        """A family that there is, and bumps where it has any."""
+        """Check the family, sizes and range, and that bumps are given if the family has them."""
         if self.family not in FAMILIES:
             return f"family: {self.family!r} is not allowed; choose from: {', '.join(FAMILIES)}"
         bumps = bool(self.centres)
@@ -193,11 +193,11 @@ class Unexplained(Effect):
 
     @property
     def bound_to_session(self) -> bool:
-        """Where it goes by the clock."""
+        """Whether the map depends on time."""
         return self.family == TIME
 
     def missing(self, at: Conditions) -> str:
-        """The condition that it moves with."""
+        """The condition that the map depends on, if it is not known."""
         if self.family == PAYLOAD and not np.isfinite(at.payload).all():
             return "the payload is not known"
         known = at.temperature.shape[1] > 0 and np.isfinite(at.temperature[:, 0]).all()
@@ -211,13 +211,13 @@ class Unexplained(Effect):
         return self.family
 
     def regressor(self, at: Conditions) -> Regressor:
-        """What it moves with; the joint's angle for maps over joints, places or directions."""
+        """Quantity of the family; the joint's angle for maps over joints, places, directions."""
         if self.family == TEMPERATURE:
             return temperature(at.temperature_parts[0])
         return _AGAINST.get(self.family, ANGLE)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
-        """By direction where it moves with that."""
+        """Groups by direction if the map depends on it; else one group."""
         return by_direction(at, joint) if self.family == DIRECTION else all_together(at)
 
     @property
@@ -226,17 +226,17 @@ class Unexplained(Effect):
 
     @property
     def _unit(self) -> float:
-        """What counts as one of places and speeds, in the joints' unit."""
+        """Unit of places and speeds in the features, in the joints' unit."""
         return self.joint_size or 1.0
 
     @property
     def takes(self) -> tuple[str, ...]:
-        """Places, and what it moves with; see `terms`."""
+        """Joint coordinates, and the signal of the family; see `terms`."""
         return (signals.JOINT, _SIGNALS.get(self.family, NOTHING))
 
     @property
     def variant(self) -> str:
-        """Bumps over so many joints, along one joint, or a plane; how many joints they move."""
+        """Bumps or plane, over one joint or all m, and the number of joints that they move."""
         m = self.mechanism.joints
         if self.family == JOINT:
             return f"_bump_1_{m}"
@@ -244,7 +244,7 @@ class Unexplained(Effect):
 
     @property
     def law(self) -> Callable[..., Any]:  # type: ignore[override]
-        """Of a bump or of a plane."""
+        """Law of a bump or of a plane."""
         return _bump if self.centres else _plane
 
     def functions(self, signals: Signals) -> Array:
@@ -253,14 +253,17 @@ class Unexplained(Effect):
         return terms_of((self,), signals.places).firsts(signals, weights)
 
     def terms(self, places: Places) -> Iterator[Term]:
-        """One for each feature, which moves every joint by a weight of its own."""
+        """One term per feature, which moves every joint by its own weight."""
         m = self.mechanism.joints
         features = self._bumps(places) if self.centres else self._planes(places)
         for f, (own, constants) in enumerate(features):
             yield Term(own, tuple(range(f * m, f * m + m)), tuple(range(m)), constants)
 
     def _bumps(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
-        """Signals and constants of each bump: places, condition; whether that counts."""
+        """Signals (joints, condition) and constants of each bump, and whether it is weighted.
+
+        The constant that follows the width is 1 if the condition multiplies the bump, else 0.
+        """
         m, first = self.mechanism.joints, places.begin(signals.JOINT)
         narrow = 1 / (2 * self.width**2)
         centres = np.reshape(self.centres, (-1, m))
@@ -278,7 +281,7 @@ class Unexplained(Effect):
             yield (*range(first, first + m), condition), (*own, narrow, counts, *ends)
 
     def _planes(self, places: Places) -> Iterator[tuple[tuple[int, ...], tuple[float, ...]]]:
-        """Of each condition the plane's features: 1, then each joint; offsets and scales."""
+        """Signals and constants of a plane's features: for each condition 1, then each joint."""
         m = self.mechanism.joints
         first, nothing = places.begin(signals.JOINT), places.begin(NOTHING)
         begin, middle = places.begin(_SIGNALS[self.family]), self._middle
@@ -292,24 +295,24 @@ class Unexplained(Effect):
                 yield (*joints, begin + i, first + j), (*own, *ends)
 
     def _ends(self, joints: slice) -> tuple[float, ...]:
-        """Of some joints the ends of their ranges, and how fast it fades beyond them, (3 k,)."""
+        """Lower and upper ends of some joints' ranges, and fading rates beyond them, (3 k,)."""
         if not self.lower:
             zero = (0.0,) * len(range(*joints.indices(self.mechanism.joints)))
-            return (*zero, *zero, *zero)  # at no rate: nowhere less than whole
+            return (*zero, *zero, *zero)  # at rate 0 the map does not fade anywhere
         low, high = np.array(self.lower[joints]), np.array(self.upper[joints])
         rate = 1 / np.maximum(_FADING * (high - low), _LEAST * self._unit)
         return (*low.tolist(), *high.tolist(), *rate.tolist())
 
     @property
     def _middle(self) -> list[float]:
-        """What drives read where a joint counts as 0 in a plane: sliders at home, zero is far."""
+        """Drive readings at the origin of a plane: home for sliders, as their zero is far away."""
         slides = self.joint_size and self.mechanism.joint_unit == "m"
         middle = self.mechanism.home if slides else self.mechanism.drives.zero
         return [float(value) for value in middle]
 
 
 def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-    """w exp(-|q - c|^2 / 2 width^2), times the condition if that counts."""
+    """w exp(-|q - c|^2 / 2 width^2) times fading, and times the condition for some families."""
     m = s.shape[0] - 1
     counts = c[m + 1]
     condition = where(counts > 0, s[m], 1.0)
@@ -318,14 +321,14 @@ def _bump(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
 
 
 def _plane(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-    """w times condition and feature, each less its middle and in its unit."""
+    """w times condition times feature, each relative to its middle and in its unit; faded."""
     m = s.shape[0] - 2
     whole = (s[m] - c[0]) * c[1] * ((s[m + 1] - c[2]) * c[3])
     return v * (whole * exp(-_beyond(s[:m], c[4:])))
 
 
 def _beyond(q: Symbol, c: Symbol) -> Symbol:
-    """Sum of the squares by which joints are beyond their ranges, in what it fades by."""
+    """Sum of squared joint distances beyond the ranges, in units of the fading lengths."""
     m = q.shape[0]
     total = 0.0
     for j in range(m):
@@ -335,13 +338,13 @@ def _beyond(q: Symbol, c: Symbol) -> Symbol:
 
 
 def _told(values: Array) -> tuple[float, ...]:
-    """Numbers as a file holds them, in the joints' unit."""
+    """Numbers rounded as stored in a file, in the joints' unit."""
     return tuple(np.round(values, 6).tolist())
 
 
 @lru_cache
 def _weights(word: str, features: int, joints: int, prior: float, unit: str) -> ParameterSet:
-    """Of each feature at each joint; there are many, and they are asked for often."""
+    """Weights of each feature at each joint; cached, as they are many and often requested."""
     return ParameterSet(
         tuple(
             Parameter(f"{word}_{f}_{j}", unit, 0.0, prior, UNEXPLAINED, None)
@@ -352,7 +355,7 @@ def _weights(word: str, features: int, joints: int, prior: float, unit: str) -> 
 
 
 def spread_out(places: Array, count: int) -> Array:
-    """So many of the places, each the farthest from those before it, (count, m)."""
+    """Up to `count` of the places, each the farthest from those before it, (count, m)."""
     chosen = [int(np.argmin(np.linalg.norm(places - places.mean(axis=0), axis=1)))]
     distance = np.linalg.norm(places - places[chosen[0]], axis=1)
     while len(chosen) < min(count, len(places)) and distance.max() > 0:
@@ -362,12 +365,12 @@ def spread_out(places: Array, count: int) -> Array:
 
 
 def reaches(family: str) -> tuple[float, ...]:
-    """Widths of bumps that a family is tried with, over the spread of the places."""
+    """Bump widths to try for a family, relative to the spread of the places."""
     return _BUMPS.get(family, (FLAT,))
 
 
 def families(at: Conditions) -> Iterator[str]:
-    """What structure could move with in such data."""
+    """Yield the families that such data could show: quantities that vary in them."""
     yield POSITION
     yield JOINT
     if (np.ptp(at.direction, axis=0) > 0).any():

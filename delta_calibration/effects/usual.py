@@ -1,4 +1,4 @@
-"""Settings in the joints' unit, whose usual value is known once the mechanism is."""
+"""Settings in the joints' unit whose default value depends on the mechanism."""
 
 from __future__ import annotations
 
@@ -6,17 +6,17 @@ from typing import Any, overload
 
 
 class Usual:
-    """A field of an effect that is so many times the mechanism's joint size, if not given.
+    """Field of an effect whose default is a multiple of the mechanism's joint size.
 
-    `speed: Usual = Usual(0.1)` is 0.1 rad/s of a Delta's joint, and what does as much of others.
+    `speed: Usual = Usual(0.1)` is 0.1 rad/s for a Delta's joint, and the equivalent for others.
     """
 
     def __init__(self, of_a_delta: float) -> None:
-        """With the value on a Delta, whose joint size is 1."""
+        """Set the default for a Delta, whose joint size is 1."""
         self._of_a_delta = of_a_delta
 
     def __set_name__(self, owner: type, name: str) -> None:
-        """Remember what it is called."""
+        """Remember the field's name."""
         self._name = name
 
     @overload
@@ -26,7 +26,7 @@ class Usual:
     def __get__(self, effect: Any, owner: type) -> float: ...
 
     def __get__(self, effect: Any, owner: type) -> float | None:
-        """The value that was given, or the usual one; None of the class, as a field's default."""
+        """The given value, or else the default; None on the class, as a dataclass default."""
         if effect is None:
             return None
         given: float | None = vars(effect)[self._name]
@@ -35,5 +35,5 @@ class Usual:
         return self._of_a_delta * float(effect.mechanism.joint_size)
 
     def __set__(self, effect: Any, value: float | None) -> None:
-        """Keep what is given when the effect is made; later, frozen, it refuses."""
+        """Store the value when the effect is created; later the frozen dataclass refuses."""
         vars(effect)[self._name] = value

@@ -1,4 +1,4 @@
-"""The mechanisms, one closure equation a file, found by their registered names."""
+"""The mechanisms, one closure equation per file, found by their registered names."""
 
 from delta_calibration.mechanisms.base import Mechanism
 from delta_calibration.mechanisms.cable_dimensions import CableDimensions, CableTolerances

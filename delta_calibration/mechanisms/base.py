@@ -1,10 +1,10 @@
 """A mechanism is its closure equation f(q, x, g) = 0; everything else follows from it.
 
 q: joint coordinates (n, m), as the drives read them; x: pose (n, k); g: geometry, (p,) for all
-samples or (n, p) where it changes from sample to sample (temperature, load). A mechanism writes f
+samples or (n, p) where it changes from sample to sample (temperature, load). A mechanism defines f
 once, in symbols, for one sample of one of its limbs (`equation`), in its own joints (drives.py),
-and says which joints, dimensions and rows of f each limb has. From it are generated and compiled
-(see `model`) the direct and the inverse problem and, by the implicit function theorem,
+and states which joints, dimensions and rows of f each limb has. From f the package generates and
+compiles (see `model`) forward and inverse kinematics and, by the implicit function theorem,
 
     dx/dq = -f_x^-1 f_q   (velocity Jacobian)        dx/dg = -f_x^-1 f_g   (identification
     Jacobian)
@@ -39,16 +39,16 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Own = TypeVar("Own", bound="Mechanism")
 
-_STAGES = 4  # of the way from home, where no opening is known
-_UNREACHED = 1e-12  # the same of the inverse problem, where steps are damped [m, rad]
+_STAGES = 4  # from home to the joints in forward kinematics, if the mechanism has no opening
+_UNREACHED = 1e-12  # largest closure of a solution of damped inverse kinematics [m, rad]
 
 
 @dataclass(frozen=True)
 class Limb:
-    """What a limb takes of its mechanism, all limbs of one law alike.
+    """Joints, dimensions, closure rows and constants of one limb; all limbs share one law.
 
-    A number of a dimension beyond those of the mechanism's parameters means one of its `fixed`
-    numbers: what the drawing says and no measurement is to change.
+    `dimensions` are indices into the mechanism's parameters, followed by its `fixed` numbers,
+    which come from the drawing and are not identified.
     """
 
     joints: tuple[int, ...]
@@ -58,7 +58,7 @@ class Limb:
 
 
 class _Compiled(NamedTuple):
-    """A mechanism as the compiled loops take it."""
+    """A mechanism in the form that the compiled loops take."""
 
     limbs: Any  # model.kernels.Limbs
     size: int  # of a limb's workspace
@@ -67,31 +67,31 @@ class _Compiled(NamedTuple):
 class Mechanism(ABC):
     """Base of all mechanisms.
 
-    The pose x is the platform centre's position [m], with a rotation vector [rad] behind it where
-    the platform turns. A mechanism of other coordinates says by `point` what they mean; nothing
-    else in the package asks.
+    The pose x is the platform centre's position [m], followed by a rotation vector [rad] if the
+    platform turns. A mechanism with other pose coordinates overrides `point`, which alone defines
+    their meaning.
     """
 
     name: ClassVar[str]
-    # sections of the robot file that describe it, see sections.py
+    # sections of the robot file that describe the mechanism, see sections.py
     Dimensions: ClassVar[type[Any]]
     Tolerances: ClassVar[type[Any]]
     Masses: ClassVar[type[Any] | None] = None
-    joint_unit: ClassVar[str] = "rad"  # or "m" where the joints slide
-    limb: ClassVar[str] = "joint"  # what a location is called, with its number behind
-    commanded: ClassVar[str] = ""  # simpler model that a controller of it uses, if not this one
-    detailed: ClassVar[str] = ""  # model of the same drawing that leaves out least, if another
-    pulls: ClassVar[bool] = False  # whether its limbs can pull only: see `borne`
+    joint_unit: ClassVar[str] = "rad"  # or "m" if the joints slide
+    limb: ClassVar[str] = "joint"  # word for a location, followed by its number: "joint_1"
+    commanded: ClassVar[str] = ""  # simpler model that its controller uses, if not this one
+    detailed: ClassVar[str] = ""  # most detailed model of the same drawing, if not this one
+    pulls: ClassVar[bool] = False  # whether its limbs can only pull: see `borne`
 
-    home_is: ClassVar[str] = "zero of every joint"  # what of the robot file says where it is
+    home_is: ClassVar[str] = "zero of every joint"  # entry of the robot file that defines home
 
-    joint_size: float = 1.0  # of its joints' unit, that move it as far as 1 rad does a Delta
+    joint_size: float = 1.0  # [rad or m] joint motion that moves it as far as 1 rad does a Delta
     joints: int  # m
     pose_size: int  # k: 3, or 6 with a rotation vector behind the position
-    task_size: int  # the first so many pose coordinates are what the joints command
-    variant: str = ""  # of the law, where it differs from machine to machine of this name
-    exact: ClassVar[bool] = False  # whether `opening` is the solution itself
-    damped: ClassVar[bool] = False  # whether the inverse problem starts far from its solution
+    task_size: int  # number of pose coordinates, from the first, that the joints command
+    variant: str = ""  # suffix of the law's name, if the law differs between machines of this name
+    exact: ClassVar[bool] = False  # whether `opening` is the solution of forward kinematics itself
+    damped: ClassVar[bool] = False  # whether inverse kinematics start far from their solution
 
     parameters: ParameterSet
     _drives: Drives | None = None
@@ -100,72 +100,72 @@ class Mechanism(ABC):
     def __init__(self, dimensions: Any, tolerances: Any) -> None:
         """From the drawing and the expected errors of the parts."""
 
-    # --- what a mechanism writes, in the vocabulary of model/symbols.py --------------------------
+    # --- what a mechanism defines, in the vocabulary of model/symbols.py -------------------------
 
     @staticmethod
     @abstractmethod
     def equation(q: Any, x: Any, g: Any, c: Any) -> Any:
-        """Closure of one limb, a column of its rows; zero where all fits together.
+        """Closure of one limb, a column of its rows; zero if joints, pose and dimensions fit.
 
         Args:
-            q: its own joints, whatever the drives read there.
+            q: joints of the limb in the mechanism's own convention, not the drives' readings.
             x: pose of the platform (k).
-            g: its dimensions.
-            c: its constants.
+            g: dimensions of the limb.
+            c: constants of the limb.
         """
 
-    # opening(q, g, c): a pose near the wanted assembly mode, by joints, dimensions and constants
-    # of every limb (lists of them, in order); without it the direct problem starts at `home_pose`.
+    # opening(q, g, c): a pose near the wanted assembly mode, from joints, dimensions and constants
+    # of every limb (lists, in order); without it forward kinematics start at `home_pose`.
     opening: ClassVar[Any] = None
-    # reaching(x, g, c): joints of a limb near the wanted working mode, by pose, dimensions and
-    # constants as `equation`; without it the inverse problem starts at `home`.
+    # reaching(x, g, c): joints of a limb near the wanted working mode, from pose, dimensions and
+    # constants as in `equation`; without it inverse kinematics start at `home`.
     reaching: ClassVar[Any] = None
 
-    # nearby(d, o, x, a, q, g, c): place of the platform's point o [m] at joints q + d, d up to
-    # `symbols.LITTLE`, by the pose x at q, the inverse a of f_x there, and joints, dimensions and
-    # constants of every limb (lists of them) as `opening`. A swarm evaluates it for all its
-    # particles at once, so that it should have no functions but roots of d.
+    # nearby(d, o, x, a, q, g, c): position of the platform's point o [m] at joints q + d, d up to
+    # `symbols.LITTLE`, from the pose x at q, the inverse a of f_x there, and joints, dimensions
+    # and constants of every limb (lists) as in `opening`. A swarm evaluates it for all its
+    # particles at once, so of d it should use no functions but roots.
     nearby: ClassVar[Any] = None
 
     @staticmethod
     def point(x: Any, o: Any) -> Any:
-        """A point fixed to the platform at o (3), in the base [m], at pose x."""
+        """Position in the base [m] of a point fixed to the platform at o (3), at pose x."""
         if x.shape[0] == 3:
             return x + o
         return x[0:3] + symbols.rotation(x[3:6]) @ o
 
-    # masses(x, q, g, c): places of all masses but the payload, one after the other (3 numbers
-    # each) [m], by pose, and joints, dimensions and constants of every limb (lists); without it
-    # all is at the centre.
+    # masses(x, q, g, c): positions of all masses but the payload, one after the other (3 numbers
+    # each) [m], from the pose, and joints, dimensions and constants of every limb (lists); without
+    # it all mass is at the platform's centre.
     masses: ClassVar[Any] = None
 
     def weights(self, masses: Any) -> Array:
-        """Sizes of the robot's own masses [kg]; one at the platform's centre by default."""
+        """Robot's own point masses [kg]; by default one, at the platform's centre."""
         return np.array([0.0 if masses is None else masses.on_platform])
 
     def moving(self, masses: Any) -> Array:
-        """Share of each mass that counts where it is accelerated; all of it by default."""
+        """Share of each point mass that acts as inertia when accelerated; 1 by default."""
         return np.ones(len(self.weights(masses)))
 
     @property
     def levers(self) -> Array:
-        """How far each mass is from the place that `masses` states, (masses, 3) [m], always."""
+        """Constant offset of each mass from its position in `masses`, (masses, 3) [m]."""
         return np.zeros((len(self.weights(None)), 3))
 
     @property
     def pivots(self) -> Array:
-        """Places about which turns what is not `moving` of each mass, (masses, 3) [m]."""
+        """Points at which the share of each mass that is not `moving` rests, (masses, 3) [m]."""
         return np.zeros((len(self.weights(None)), 3))
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """The limbs; one that has everything where a mechanism does not say."""
+        """The limbs; by default a single one with all joints, dimensions and closure rows."""
         every = tuple(range(len(self.parameters) + len(self.fixed)))
         return (Limb(tuple(range(self.joints)), every, tuple(range(self.pose_size))),)
 
     @property
     def fixed(self) -> Array:
-        """Numbers of the drawing that the equation needs beside the parameters, (c,)."""
+        """Numbers of the drawing that the equation needs besides the parameters, (c,)."""
         return np.zeros(0)
 
     @property
@@ -175,16 +175,16 @@ class Mechanism(ABC):
 
     @property
     def home(self) -> Array:
-        """What the drives read in the middle of the workspace, (m,)."""
+        """Drive readings in the middle of the workspace, (m,)."""
         return self.drives.read(np.zeros(self.joints))
 
     @property
     def most_misfit(self) -> Array:
-        """Largest closure of each row at which the machine is whole, (R,)."""
+        """Largest closure of each row at which the machine can be assembled, (R,)."""
         return np.full(self._closures, np.inf)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is computed on first use: addresses of code hold in one process only."""
+        """State without cached properties: addresses of code are valid in one process only."""
         kind = type(self)
         return {
             name: value
@@ -192,21 +192,21 @@ class Mechanism(ABC):
             if not isinstance(getattr(kind, name, None), cached_property)
         }
 
-    # --- what follows ----------------------------------------------------------------------------
+    # --- what follows from these -----------------------------------------------------------------
 
     @property
     def drives(self) -> Drives:
-        """How its drives read; the mechanism's own joints where nothing else is said."""
+        """Sense and zero of the drives; by default they read the mechanism's own joints."""
         return Drives.alike(self.joints) if self._drives is None else self._drives
 
     def driven(self: Own, drives: Drives) -> Own:
-        """The same mechanism with drives that read otherwise."""
+        """Copy of the mechanism with other drives."""
         other = copy(self)
         other._drives = drives
         return other
 
     def closure(self, q: Array, x: Array, g: Array) -> Array:
-        """Closure f, (n, R); zero where joints, pose and geometry fit together."""
+        """Closure f, (n, R); zero if joints, pose and geometry fit together."""
         return self._closed(q, x, g, derivatives=False)[0]
 
     def closure_by_pose(self, q: Array, x: Array, g: Array) -> Array:
@@ -222,7 +222,7 @@ class Mechanism(ABC):
         return self._closed(q, x, g, derivatives=True)[3]
 
     def start(self, q: Array, g: Array) -> Array:
-        """A pose near the wanted assembly mode, (n, k): where the direct problem starts."""
+        """Starting pose of forward kinematics, near the wanted assembly mode, (n, k)."""
         x = np.tile(self.home_pose, (len(q), 1))
         if self._opening is not None:
             every = self.limbs
@@ -236,7 +236,7 @@ class Mechanism(ABC):
         return x
 
     def start_joints(self, task: Array, g: Array) -> Array:
-        """Joints near the wanted working mode, (n, m): where the inverse problem starts."""
+        """Starting joints of inverse kinematics, near the wanted working mode, (n, m)."""
         if self.reaching is None:
             return np.tile(self.home, (len(task), 1))
         x = np.tile(self.home_pose, (len(task), 1))
@@ -246,8 +246,9 @@ class Mechanism(ABC):
     def forward(self, q: Array, g: Array, guess: Array | None = None) -> Array:
         """Pose of the platform at joints q, (n, k); NaN rows where it cannot be assembled.
 
-        By Newton's method from `guess`, which should be of the same assembly mode, or from
-        `start`; in stages from home where no law says where to start.
+        Newton's method starts at `guess`, which should be of the same assembly mode, or at
+        `start`. Without a guess and an `opening` it goes in stages from home. `exact` mechanisms
+        ignore `guess`.
         """
         near = guess is not None and not self.exact
         x = np.array(guess if near else self.start(q, g), dtype=float, order="C")
@@ -264,7 +265,8 @@ class Mechanism(ABC):
     def inverse(self, task: Array, g: Array, guess: Array | None = None) -> Array:
         """Joints that bring the commanded coordinates to `task`, (n, m); NaN rows out of reach.
 
-        By Newton's method from `guess`, or from `start_joints`.
+        Newton's method starts at `start_joints`; at `guess` only if the mechanism is `damped` or
+        has no `reaching`.
         """
         near = guess is not None and (self.damped or self.reaching is None)
         q = np.array(guess if near else self.start_joints(task, g), dtype=float, order="C")
@@ -285,10 +287,10 @@ class Mechanism(ABC):
         return self.moved_by(q, x, g, self._every_coordinate(len(q)))[1]
 
     def moved_by(self, q: Array, x: Array, g: Array, by_pose: Array) -> tuple[Array, Array]:
-        """Derivatives by joints, (n, c, m), and geometry, (n, c, p), of what follows the pose.
+        """Derivatives of functions of the pose by joints, (n, c, m), and geometry, (n, c, p).
 
-        `by_pose` (n, c, k) is its derivative by the pose. The same as the products with the two
-        Jacobians, but with c systems to solve for each sample instead of m + p.
+        `by_pose` (n, c, k) holds their derivatives by the pose. The results equal its products
+        with the two Jacobians, but need c solved systems for each sample instead of m + p.
         """
         c, q, x, g = self._compiled, *self._samples(q, x, g)
         slopes = np.require(by_pose, np.float64, ["C", "A", "W"])
@@ -301,12 +303,12 @@ class Mechanism(ABC):
         return by_q, by_g
 
     def _samples(self, q: Array, x: Array, g: Array) -> tuple[Array, Array, Array]:
-        """Joints, poses and dimensions as the compiled loops take them, which check nothing."""
+        """Joints, poses and dimensions, checked here because the compiled loops check nothing."""
         q = _rows(q, self.joints)
         return q, _rows(x, self.pose_size, len(q)), self._geometry(g, len(q))
 
     def _geometry(self, g: Array, n: int) -> Array:
-        """Dimensions, one row for all samples or one each."""
+        """Dimensions, one row for all samples or one row each."""
         shared = np.ndim(g) == 1 or len(g) == 1
         return _rows(g, len(self.parameters), 1 if shared else n)
 
@@ -327,18 +329,18 @@ class Mechanism(ABC):
 
     @property
     def law_name(self) -> str:
-        """Of the generated files."""
+        """Name of the generated files."""
         return self.name + self.variant
 
     @cached_property
     def laws(self) -> tuple[Law, ...]:
-        """What is generated for it: the closure, and where the two problems start."""
+        """All laws that are generated: those of forward kinematics, `reaching` and `nearby`."""
         every = *self.laws_forward, self._reaching, self._nearby
         return tuple(law for law in every if law)
 
     @property
     def laws_forward(self) -> tuple[Law, ...]:
-        """What takes it from joints to the tool."""
+        """Laws of forward kinematics: closure, starting pose, point of the platform, masses."""
         every = self._closure, self._opening, self._point, self._masses
         return tuple(law for law in every if law)
 
@@ -408,7 +410,7 @@ class Mechanism(ABC):
         return Law(f"{self.law_name}_masses", groups, 3 * count, law, (), (), (), ("x", "q"))
 
     def _known(self, g: Array) -> Array:
-        """Dimensions with the fixed numbers behind them, (n or 1, p + c)."""
+        """Dimensions followed by the fixed numbers, (n or 1, p + c)."""
         rows = _rows(g, len(self.parameters))
         return np.hstack([rows, np.tile(self.fixed, (len(rows), 1))])
 
@@ -434,7 +436,7 @@ class Mechanism(ABC):
         return _Compiled(limbs, law.size)
 
     def _reached(self, x: Array, g: Array) -> Array:
-        """Joints by `reaching`, limb by limb, (n, m)."""
+        """Drive readings from `reaching`, limb by limb, (n, m)."""
         assert self._reaching is not None
         q, known = np.empty((len(x), self.joints)), self._known(g)
         for limb in self.limbs:
@@ -456,18 +458,18 @@ class Mechanism(ABC):
         payload: Array,
         centre: Array,
     ) -> Loads:
-        """Forces that the machine carries, see model/loads.py; zeros where not asked for.
+        """Forces that the machine carries, see model/loads.py; zeros for those not asked for.
 
         Args:
-            masses: the robot's.
-            asked: flags of what is wanted.
+            masses: masses of the robot.
+            asked: sum of the flags of the wanted loads.
             q: joints, (n, m).
             x: poses, (n, k).
             g: dimensions, (p,) or (n, p).
-            rate: of the joints [1/s], (n, m).
-            acceleration: of the joints [1/s^2], (n, m).
-            payload: [kg], (n,).
-            centre: of the payload in the platform [m], (n, 3).
+            rate: rates of the joints [rad/s or m/s], (n, m).
+            acceleration: accelerations of the joints [rad/s^2 or m/s^2], (n, m).
+            payload: mass of the payload [kg], (n,).
+            centre: centre of the payload in the platform's frame [m], (n, 3).
         """
         c, bearing = self._compiled, self.bearing(masses)
         n, m = len(q), self.joints
@@ -485,11 +487,11 @@ class Mechanism(ABC):
         return found
 
     def tensions(self, x: Array, g: Array, load: Array) -> Array:
-        """Pull of each limb that bears a load, (n, R) [N]: the nearest to the pretension.
+        """Pulls of the limbs that balance a load, (n, R) [N]: those nearest to the pretension.
 
-        By virtual work, see model/loads.py; negative where a cable would have to push. Another
-        distribution may be kept by a force control: this one is the shortest way from the same
-        pull in all. NaN where there is no pose.
+        By virtual work, see model/loads.py; negative where a cable would have to push. A force
+        control may keep another distribution: this one deviates least, in squares, from an equal
+        pull in all limbs. NaN where there is no pose.
 
         Args:
             x: poses, (n, k).
@@ -502,23 +504,23 @@ class Mechanism(ABC):
         return np.asarray(_loads().pulls(c.limbs, c.size, bearing, x, g, load))
 
     def body(self, masses: Any) -> Any:
-        """The mechanism as the compiled chain takes it (model/stand.py)."""
+        """The mechanism in the form that the compiled chain takes (model/stand.py)."""
         c, opening = self._compiled, self._of_every_limb(self._opening)
         bearing, home = self.bearing(masses), self._home_joints
         return _stand().Body(c.limbs, c.size, bearing, opening, home, _STAGES)
 
     def around(self, reach: float) -> Any:
-        """Law of squared distances near a command as the compiled swarm takes it.
+        """Law of the squared distance near a command, in the form that the compiled swarm takes.
 
-        It begins with changes of the joints and the place that the distances are from. Empty
-        without one, and where joints up to `reach` from the command are not near.
+        Its first inputs are the changes of the joints and the target of the distance. Empty if
+        the mechanism has no `nearby` law, or if `reach` [rad or m] exceeds `symbols.LITTLE`.
         """
         return self._of_every_limb(self._nearby if reach <= symbols.LITTLE else None)
 
     def _of_every_limb(self, law: Law | None) -> Any:
         """A law of joints, dimensions and constants of all limbs, see `Opening` of model/stand.py.
 
-        Empty where there is none.
+        Empty if `law` is None.
         """
         none, opening = np.zeros(0, dtype=np.int64), _stand().Opening
         if law is None:
@@ -533,7 +535,7 @@ class Mechanism(ABC):
         )
 
     def bearing(self, masses: Any) -> Any:
-        """What it carries and where, as the compiled loops take it (model/loads.py)."""
+        """Masses and their positions in the form that the compiled loops take (model/loads.py)."""
         point, mass = self._point, self._masses
         every = self.limbs if type(self).masses is not None else ()
         dims = [number for limb in every for number in limb.dimensions]
@@ -558,13 +560,13 @@ class Mechanism(ABC):
 
     @cached_property
     def _joints_of_masses(self) -> Index:
-        """Joints (j,) in the order that the law of the masses takes them."""
+        """Joints (j,) in the order in which the law of the masses takes them."""
         every = self.limbs if type(self).masses is not None else ()
         return np.array([j for limb in every for j in limb.joints], dtype=np.int64)
 
     @cached_property
     def _slopes_of_masses(self) -> tuple[Index, Index]:
-        """`by_pose` (s, 3) and `by_joint` (t, 3) of model/loads.py: what the law writes."""
+        """`by_pose` (s, 3) and `by_joint` (t, 3) of `Bearing`: slopes that the law writes."""
         law, joints = self._masses, self._joints_of_masses
         addresses = np.array(law.compiled.addresses)
         written = _loads().stored(addresses, law.compiled.size, law.offsets["f"])
@@ -579,16 +581,16 @@ class Mechanism(ABC):
 
     @property
     def pretension(self) -> float:
-        """Pull that is kept in every limb that can only pull [N]."""
+        """Pull that the drives keep in every limb that can only pull [N]."""
         return 0.0
 
     def condition(self, q: Array, x: Array, g: Array) -> Array:
-        """How far a pose is from being regular, (n,): 1 is as good as home, infinite is singular.
+        """Condition number of each pose, (n,); 1 at best, infinite where it is singular.
 
         The largest singular value of the commanded part of the velocity Jacobian over the
-        smallest, each compared with the mean gain at home as well. So it grows where the platform
-        gains a freedom (f_x singular), where it loses one (f_q singular), and also where it loses
-        all at once, which the plain condition number does not see.
+        smallest, with the mean gain at home counted among the values. So it grows where the
+        platform gains a freedom (f_x singular), where it loses one (f_q singular), and also where
+        it loses all at once, which the plain condition number does not show.
         """
         typical = self.typical_gain
         gains = self._singular_values(self.velocity_jacobian(q, x, g))
@@ -597,14 +599,17 @@ class Mechanism(ABC):
 
     @cached_property
     def typical_gain(self) -> float:
-        """Mean gain of the nominal machine at home [m/rad], that `condition` compares with."""
+        """Geometric mean gain [m/rad] of the nominal machine at home, reference of `condition`."""
         home, nominal = self.home[None], self.parameters.nominal
         slope = self.velocity_jacobian(home, self.forward(home, nominal), nominal)
         gains = self._singular_values(slope)
         return float(np.exp(np.log(gains).mean())) if gains.all() else 0.0
 
     def _singular_values(self, slope: Array) -> Array:
-        """Of the commanded part, (n, min(m, task)), largest first; 0 where no Jacobian exists."""
+        """Singular values of the commanded part of a Jacobian, (n, min(m, task)), largest first.
+
+        0 where no Jacobian exists.
+        """
         task = slope[:, : self.task_size]
         finite = np.isfinite(task).all(axis=(1, 2))
         values = np.zeros((len(task), min(task.shape[1:])))
@@ -624,9 +629,9 @@ class Mechanism(ABC):
         return self._of_point("f", x, offset)
 
     def task(self, position: Array, turn: Array) -> Array:
-        """What the joints command of a place (n, 3) [m] and a turn (n, 3) [rad], (n, task_size).
+        """Commanded coordinates of a position (n, 3) [m] and a turn (n, 3) [rad], (n, task_size).
 
-        The turn is a rotation vector, or what the mechanism turns by about x, y and z.
+        The turn is a rotation vector, or the mechanism's own angles about x, y and z.
         """
         return np.concatenate([position, turn], axis=1)[:, : self.task_size]
 
@@ -635,44 +640,44 @@ class Mechanism(ABC):
         return self._of_point("f_x", x, offset).reshape(-1, 3, self.pose_size)
 
     def _of_point(self, what: str, x: Array, offset: Array) -> Array:
-        """An output of the law of a point, (n, 3) times the inputs it is derived by."""
+        """An output of the law of a point, (n, 3), or its derivative, (n, 3 times inputs)."""
         x, by = _rows(x, self.pose_size), {"f_x": self.pose_size, "f_o": 3}
         found = np.empty((len(x), 3 * by.get(what, 1)))
         _started(self._point, x, np.atleast_2d(offset), np.zeros(0), found, what)
         return found
 
     def turn(self, x: Array) -> Array:
-        """The turn (n, 3) [rad] that `task` takes for the orientation at poses x, (n, k)."""
+        """Turn (n, 3) [rad] of the orientation at poses x (n, k), as `task` takes it."""
         none = np.zeros((len(x), 3))
         none[:, : self.pose_size - 3] = x[:, 3:6]
         return none
 
     @property
     def freedoms(self) -> tuple[int, ...]:
-        """Which of x, y, z of a place and of a turn about x, y, z the joints command, 0 to 5."""
+        """Commanded freedoms: 0 to 2 are the position's x, y, z; 3 to 5 turns about x, y, z."""
         return tuple(range(self.task_size))
 
     def borne(self, x: Array, g: Array, load: Array) -> NDArray[np.bool_]:
-        """Whether the limbs bear a load at poses x, (n,); those that can push as well always do.
+        """Whether the limbs bear a load at poses x, (n,); always if they can push as well.
 
         Args:
             x: poses, (n, k).
-            g: geometry.
+            g: geometry, (p,) or (n, p).
             load: dU/dx of all weights on the platform, (n, k) [N, N m]; z is up.
         """
         del g, load
         return np.ones(len(x), dtype=np.bool_)
 
     def require_borne(self, x: Array, g: Array, load: Array, what: str) -> None:
-        """Refuse a batch that holds a pose at which a load is not borne; `what` names a pose.
+        """Refuse a batch with a pose at which the limbs do not bear a load; `what` names a pose.
 
         Raises:
-            ReachError: names the first such pose and what gives way.
+            ReachError: names the first such pose and the reason.
         """
         del x, g, load, what
 
     def turn_by_pose(self, x: Array) -> Array:
-        """Small turn of the platform, in axes of the base, by the pose, (n, 3, k).
+        """Derivative of the platform's small turn, in axes of the base, by the pose, (n, 3, k).
 
         2 dphi = sum_k r_k x dr_k over the columns of the platform's rotation.
         """
@@ -689,10 +694,10 @@ class Mechanism(ABC):
         """Refuse a batch that holds a row out of reach.
 
         Args:
-            solution: NaN where there is none, (n, ...).
-            wanted: what it was sought for, (n, ...).
-            what: how a row of that is called.
-            unit: of it; that of the joints where not given.
+            solution: solutions, (n, ...); NaN where there is none.
+            wanted: values that they were sought for, (n, ...).
+            what: word for a row of `wanted`.
+            unit: unit of `wanted`; by default that of the joints.
 
         Raises:
             ReachError: names the first such row and its value.
@@ -706,7 +711,7 @@ class Mechanism(ABC):
             raise ReachError(f"{named} is out of the robot's reach{more}")
 
     def require_regular(self, q: Array, x: Array, g: Array, limit: float) -> None:
-        """Refuse a batch that holds a pose too near a singularity.
+        """Refuse a batch that holds a pose too close to a singularity.
 
         Raises:
             SingularityError: names the first pose whose condition number exceeds `limit`.
@@ -722,7 +727,7 @@ class Mechanism(ABC):
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solve matrix @ y = right for each sample, by least squares where rows outnumber columns.
+    """Solve matrix @ y = right for each sample, by least squares if there are more rows.
 
     Singular samples give NaN instead of an exception, so that one bad pose does not stop a batch.
     (n, r, k), (n, r, c) -> (n, k, c).
@@ -745,7 +750,7 @@ def solve(matrix: Array, right: Array) -> Array:
 
 
 def divide(left: Array, matrix: Array) -> Array:
-    """left @ (pseudo)inverse of matrix for each sample; NaN where that is singular.
+    """Return left @ (pseudo)inverse of matrix for each sample; NaN where it is singular.
 
     (n, c, k), (n, r, k) -> (n, c, r).
     """
@@ -761,7 +766,7 @@ def _of_limbs(
     count: int,
     *every: Any,
 ) -> Any:
-    """A law that takes lists by limb, of symbols that hold all limbs one after the other."""
+    """Call a law that takes lists, one entry a limb, with symbols that hold all limbs in a row."""
     parts = []
     for values, (_, size) in zip(every, groups, strict=True):
         own = size // count
@@ -772,7 +777,7 @@ def _of_limbs(
 def _of_limbs_and_pose(
     law: Callable[..., Any], groups: tuple[tuple[str, int], ...], count: int, x: Any, *every: Any
 ) -> Any:
-    """The same of a law that takes the pose before the lists."""
+    """Call a law that takes the pose, then lists by limb: see `_of_limbs`."""
     return _of_limbs(partial(law, x), groups, count, *every)
 
 
@@ -787,22 +792,22 @@ def _distance_nearby(
     a: Any,
     *every: Any,
 ) -> Any:
-    """Squared distance of a point o of the platform from t, by a law of its place near pose x."""
+    """Squared distance of a platform point o from t, by the `nearby` law at a pose x."""
     changes = [symbols.column(*(d[joint] for joint in own)) for own in joints]
     near = partial(law, changes, o, x, symbols.matrix(a, x.shape[0]))
     return symbols.square(_of_limbs(near, groups, len(joints), *every) - t)
 
 
 def _at_centre(point: Callable[[Any, Any], Any], x: Any, q: Any, g: Any) -> Any:
-    """One mass at the platform's centre."""
+    """Position of a single mass at the platform's centre."""
     del q, g
     return point(x, symbols.column(0, 0, 0))
 
 
 def _started(law: Law, q: Array, g: Array, c: Array, found: Array, what: str = "f") -> None:
-    """Evaluate a law of joints or poses, dimensions and, where it has any, constants.
+    """Evaluate a law of joints or poses, dimensions and, if it has any, constants.
 
-    Its outputs, or what of their derivatives is asked for, go into `found` (n, ...).
+    The output named `what` (f or one of its derivatives) goes into `found` (n, ...).
     """
     sizes = [count for _, count in law.groups]
     begins = [law.offsets[name] for name, _ in law.groups]
@@ -813,10 +818,10 @@ def _started(law: Law, q: Array, g: Array, c: Array, found: Array, what: str = "
 
 
 def _rows(values: Array, size: int, n: int | None = None) -> Array:
-    """Values (n, size), or (size,) as one row, in memory as the compiled loops take it.
+    """Values (n, size), or (size,) as one row, in the memory layout of the compiled loops.
 
     Raises:
-        ValueError: they are not so many; compiled loops would read what lies behind them.
+        ValueError: the shape is another; compiled loops would read beyond the array.
     """
     rows = np.require(values, np.float64, ["C", "A", "W"])
     rows = rows[None] if rows.ndim == 1 else rows
@@ -827,21 +832,21 @@ def _rows(values: Array, size: int, n: int | None = None) -> Array:
 
 
 def _loads() -> Any:
-    """The compiled forces."""
+    """Module of the compiled forces; imported late."""
     from delta_calibration.model import loads
 
     return loads
 
 
 def _stand() -> Any:
-    """The compiled chain."""
+    """Module of the compiled chain; imported late."""
     from delta_calibration.model import stand
 
     return stand
 
 
 def _kernels() -> Any:
-    """The compiled loops."""
+    """Module of the compiled loops; imported late."""
     from delta_calibration.model import kernels
 
     return kernels

@@ -1,4 +1,4 @@
-"""The drawing of a cable robot: where cables go, what winds them, and how far both may be off."""
+"""The drawing of a cable robot: cable ends and winches, their tolerances and the masses."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class CableDimensions:
-    """Where the cables go and what winds them; m cables, k freedoms of the platform.
+    """Cable ends and winches of a cable robot with m cables; the platform has k freedoms.
 
     A motor turn lets out 2 pi `drum_radius` / (`gear` `tackle`) of the free length: with a tackle
-    of t the cable goes t times between anchor and platform.
+    of t the cable runs t times between anchor and platform.
     """
 
     anchors: Array = place(  # (m, 3)
@@ -47,7 +47,7 @@ class CableDimensions:
     )
 
     def __post_init__(self) -> None:
-        """Refuse what is no cable robot.
+        """Refuse dimensions that do not describe a cable robot.
 
         Raises:
             ConfigError: names the entry, its value and what is allowed.
@@ -74,13 +74,13 @@ class CableDimensions:
 
     @property
     def home(self) -> Array:
-        """Pose at which the counters are zero, (3,) of a point or (6,) of a body [m, rad]."""
+        """Pose at which the counters are zero, (3,) for a point or (6,) for a body [m, rad]."""
         turn = np.zeros(0) if self.home_turn is None else self.home_turn
         return np.concatenate([self.home_place, turn])
 
     @property
     def gain(self) -> Array:
-        """k, (m,) [m/rad]: free length a motor angle."""
+        """k, (m,) [m/rad]: free cable length per motor angle."""
         return np.asarray(self.drum_radius / (self.gear * self.tackle))
 
 
@@ -99,11 +99,11 @@ class CableTolerances:
 
 @dataclass(frozen=True)
 class CableMasses:
-    """What moves."""
+    """Moving masses of a cable robot."""
 
     platform: float = mass(about="platform with everything permanently mounted on it")
 
     @property
     def on_platform(self) -> float:
-        """What moves with the platform: itself [kg]."""
+        """Mass that moves with the platform: its own [kg]."""
         return self.platform

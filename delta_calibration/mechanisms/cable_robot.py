@@ -19,9 +19,9 @@ from delta_calibration.parameters import Parameter, ParameterSet
 
 Array = NDArray[np.float64]
 
-_LEVER = 0.3  # [m] that a joint of a Delta moves its platform a radian
-_TORN = 0.03  # of its length: steel and aramid cables break before they stretch so far
-_BORNE = 1e-6  # of a load: what is left of it when the cables bear it
+_LEVER = 0.3  # [m/rad] typical motion of a Delta's platform per joint angle
+_TORN = 0.03  # strain that steel and aramid cables do not reach without breaking
+_BORNE = 1e-6  # share of a load that may remain unbalanced when the cables bear it
 _AXES = "xyz"
 
 
@@ -31,16 +31,16 @@ class CableRobot(Mechanism):
     Closure of cable i (paper 002 (1), (2)): |a_i - P - R(w) b_i| = l_0i + k_i theta_i, a length.
     The counters are zero at the home pose (P_0, w_0), which is known: it defines the robot's
     frame, and l_0i = |a_i - P_0 - R(w_0) b_i| is no parameter but follows from the others. So the
-    paper counts 7 m of them. Where the tolerances have one of the zeros, each counter's is off by
-    z_i [m], one more parameter a cable, and nothing ties the robot's frame any more: six
-    combinations of a_i, z_i and an unknown frame of the measuring device do not show.
+    paper counts 7 m parameters. If the tolerances state one for the zeros, each counter has a zero
+    offset z_i [m], one more parameter per cable. Then nothing fixes the robot's frame: six
+    combinations of a_i, z_i and an unknown frame of the measuring device are not identifiable.
 
     Pose x (n, 6): P [m], rotation vector w [rad]; or (n, 3), P alone. Joints theta (n, m): motor
     angles [rad], positive where they let out. Parameters of a cable, in this order: a (3) [m], b
     (3) [m] for a body, k [m/rad], z [m] if free.
 
-    With more cables than freedoms no pose fits all lengths of a real machine: the direct problem
-    gives the pose of least squared misfit. Its derivatives are those where the misfit is zero.
+    With more cables than freedoms no pose fits all lengths of a real machine: forward kinematics
+    give the pose of least squared closure. Their derivatives are those at zero closure.
     Leaves out mass and stretch of the cables, pulleys, layers on the drum: see the effects.
     """
 
@@ -68,12 +68,12 @@ class CableRobot(Mechanism):
 
     @property
     def fixed(self) -> Array:
-        """The zero of a counter that has none to be wrong."""
+        """Zero offset of a counter, 0, used if the zeros are no parameters."""
         return np.zeros(1)
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """The cables: a, b of a body, k, z; where the counters are zero."""
+        """The cables: dimensions a, b of a body, k and z; the home pose as constants."""
         p = self.joints * self._size
         home = tuple(self.dimensions.home.tolist())
         return tuple(
@@ -88,18 +88,18 @@ class CableRobot(Mechanism):
 
     @property
     def home_pose(self) -> Array:
-        """Whose assembly mode all other poses share, (k,)."""
+        """Home pose, (k,), whose assembly mode all other poses share."""
         return np.array(self.dimensions.home)
 
     @property
     def most_misfit(self) -> Array:
-        """By how much of its length at home each cable may be off before it tears, (m,) [m]."""
+        """Length error at which each cable tears, from its length at home, (m,) [m]."""
         home = self.dimensions.home[None]
         return np.asarray(_TORN * self.lengths(home, self.parameters.nominal)[0])
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Distance of anchor and platform joint less the length let out [m]."""
+        """Distance between anchor and platform joint, minus the free cable length [m]."""
         gain, zero = g[-2], g[-1]
         return _distance(x, g) - _distance(c, g) - zero - gain * q
 
@@ -110,14 +110,14 @@ class CableRobot(Mechanism):
         return (_distance(x, g) - _distance(c, g) - zero) / gain
 
     def lengths(self, x: Array, g: Array) -> Array:
-        """Distance of anchor and platform joint of each cable, (n, m) [m]."""
+        """Distance between anchor and platform joint of each cable, (n, m) [m]."""
         every = (len(x), self.joints, 3)
         ends = np.broadcast_to(self._joints(g), every).reshape(-1, 3)
         ends = self.points(np.repeat(x, self.joints, axis=0), ends).reshape(every)
         return np.asarray(np.linalg.norm(self._cables(g)[..., :3] - ends, axis=-1))
 
     def directions(self, x: Array, g: Array) -> Array:
-        """u: unit vectors along the cables from platform to anchor, (n, m, 3)."""
+        """Unit vectors u along the cables from platform to anchor, (n, m, 3)."""
         return -self.closure_by_pose(self._still(x), x, g)[:, :, :3]
 
     def require_taut(self, tension: Array, lowest: float = 0.0, what: str = "pose") -> None:
@@ -143,8 +143,8 @@ class CableRobot(Mechanism):
         """Refuse poses at which a cable hangs loose.
 
         Raises:
-            ReachError: names the first pose; the cable and its pull, or that no pull of all
-                cables whatever holds the platform there.
+            ReachError: names the first pose; the cable and its pull, or says that no tensions of
+                the cables hold the platform there.
         """
         bad = np.flatnonzero(~self.borne(x, g, load))
         if not bad.size:
@@ -164,19 +164,19 @@ class CableRobot(Mechanism):
         self.require_taut(tension, what=what)
 
     def _cables(self, g: Array) -> Array:
-        """The parameters by cable.  (..., p) -> (..., m, size)."""
+        """Reshape the parameters by cable: (..., p) -> (..., m, size)."""
         return g.reshape((*g.shape[:-1], self.joints, self._size))
 
     def _joints(self, g: Array) -> Array:
         return self._cables(g)[..., 3:6] if self._is_body else self.dimensions.joints
 
     def _still(self, x: Array) -> Array:
-        """Joints, of no matter for how the lengths change with the pose, (n, m)."""
+        """Zero joint angles, (n, m): the derivative of the closure by the pose ignores them."""
         return np.zeros((len(x), self.joints))
 
     @property
     def pretension(self) -> float:
-        """That the drives keep every cable near [N]."""
+        """Tension near which the drives keep every cable [N]."""
         return self.dimensions.pretension
 
     def _cable_parameters(self, row: int) -> list[Parameter]:
@@ -205,6 +205,6 @@ class CableRobot(Mechanism):
 
 
 def _distance(x: Symbol, g: Symbol) -> Symbol:
-    """|a - P - R(w) b| [m]; of a point b is nothing."""
+    """|a - P - R(w) b| [m]; for a point b = 0."""
     turned = rotation(x[3:6]) @ g[3:6] if x.shape[0] == 6 else 0.0
     return norm(g[0:3] - x[0:3] - turned)

@@ -1,4 +1,4 @@
-"""What the two models of a rotary Delta share: the legs' places, the hinge, the arm, the drawing.
+"""Common parts of the two models of a rotary Delta: legs, hinge, arm, drawing and masses.
 
 Leg i stands at angle eta_i about z, by default 2 pi (i - 1) / 3. Its hinge frame has x radially
 outward, y along the motor's axis and z up; a positive joint angle lowers the arm:
@@ -39,7 +39,7 @@ _STANDS: Array = np.asarray(2 * np.pi / 3 * np.arange(LEGS), dtype=np.float64)  
 
 @dataclass(frozen=True)
 class DeltaDimensions:
-    """The drawing of a rotary Delta, all [m]: paper 000 table 1, ball joints' half distance."""
+    """The drawing of a rotary Delta [m]: paper 000 table 1, and half widths of ball joints."""
 
     base_radius: float = length(about="R: distance of the motor axes from the centre of the base")
     platform_radius: float = length(
@@ -58,16 +58,16 @@ class DeltaDimensions:
 
     @property
     def stands(self) -> Array:
-        """Where each leg stands about z, (3,) [rad]."""
+        """Direction of each leg about z, (3,) [rad]."""
         return _STANDS if self.azimuths is None else self.azimuths
 
     @property
     def frames(self) -> Array:
-        """Rotations of the legs about z, (3, 3, 3)."""
+        """Rotation matrices of the legs about z, (3, 3, 3)."""
         return rotations.about_z(self.stands)
 
     def __post_init__(self) -> None:
-        """Refuse rods that do not reach from level arms to the platform, and legs in one place.
+        """Refuse rods too short to reach the platform from level arms, and coincident legs.
 
         Raises:
             ConfigError: names the entry, its value and what is allowed.
@@ -103,7 +103,7 @@ class DeltaTolerances:
 
 @dataclass(frozen=True)
 class DeltaMasses:
-    """What moves."""
+    """Moving masses of a rotary Delta."""
 
     platform: float = mass(about="platform with everything permanently mounted on it")
     arm: float = mass(about="mass of one upper arm")
@@ -116,21 +116,21 @@ class DeltaMasses:
 
     @property
     def on_platform(self) -> float:
-        """What a platform carries where it is all that is known: itself, half of each rod [kg]."""
+        """Mass at the platform in a one-mass model: the platform and half of each rod [kg]."""
         return self.platform + LEGS * self.rod
 
     @property
     def turning(self) -> float:
-        """Moment of inertia of an arm about its motor, part of its mass times its length squared.
+        """Moment of inertia of an arm about its motor, over its mass times its length squared.
 
-        That of a bar whose section changes evenly along it, so that its centre is where it is; at
-        least that of its mass in one point there.
+        That of a bar whose section changes linearly along it and gives it this centre of mass; at
+        least that of a point mass there.
         """
         return max(self.arm_centre**2, self.arm_centre - 1 / 6)
 
 
 class DeltaModel(Mechanism):
-    """What models of a rotary Delta have in common: three motors command the platform's centre."""
+    """Base of the models of a rotary Delta: three motors command the platform's centre."""
 
     Dimensions = DeltaDimensions
     Tolerances = DeltaTolerances
@@ -149,7 +149,7 @@ class DeltaModel(Mechanism):
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """The legs, each with its motor, its dimensions and cosine and sine of where it stands."""
+        """The legs: motor, dimensions, closure rows, cosine and sine of the direction of each."""
         size, rows = len(self.parameters) // LEGS, self.pose_size // LEGS
         stands = self.dimensions.stands
         turns = tuple(zip(np.cos(stands).tolist(), np.sin(stands).tolist(), strict=True))
@@ -164,11 +164,11 @@ class DeltaModel(Mechanism):
         )
 
     def weights(self, masses: DeltaMasses | None) -> Array:
-        """Platform, elbows and middles of the pairs of rods [kg].
+        """Point masses at the platform, the elbows and the middles of the pairs of rods [kg].
 
-        A rod is a sixth of its mass at either end and the rest in the middle: Simpson's rule has
-        the weight, the centre and the inertia of a uniform one. An arm's mass is shared out
-        between hinge and elbow, so that its centre stays.
+        A rod has a sixth of its mass at either end and the rest in the middle: by Simpson's rule
+        it has the weight, the centre and the inertia of a uniform rod. An arm's mass is divided
+        between hinge and elbow so that its centre is kept.
         """
         if masses is None:
             return np.zeros(1 + 2 * LEGS)
@@ -177,7 +177,7 @@ class DeltaModel(Mechanism):
         return np.array([masses.platform + masses.rod, *LEGS * (at_elbow,), *LEGS * (pair,)])
 
     def moving(self, masses: DeltaMasses | None) -> Array:
-        """All of it, but of an arm what its inertia comes to."""
+        """Share of each mass that acts as inertia; for an arm that of its moment of inertia."""
         share = np.ones(1 + 2 * LEGS)
         if masses is not None and (at_elbow := self.weights(masses)[1]):
             share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
@@ -185,19 +185,19 @@ class DeltaModel(Mechanism):
 
     @property
     def levers(self) -> Array:
-        """`masses` has the legs moved in by the platform's radius: as far out, (7, 3) [m]."""
+        """Platform radius, outward, by which `masses` has each leg shifted in, (7, 3) [m]."""
         legs = self.dimensions.platform_radius * self._outwards
         return np.concatenate([np.zeros((1, 3)), legs, legs])
 
     @property
     def pivots(self) -> Array:
-        """Arms turn about the motors, (7, 3) [m]."""
+        """Motor positions for the arms' masses, zero for the others, (7, 3) [m]."""
         motors = self.dimensions.base_radius * self._outwards
         return np.concatenate([np.zeros((1, 3)), motors, np.zeros((LEGS, 3))])
 
     @property
     def _outwards(self) -> Array:
-        """Directions in which the legs stand, (3, 3)."""
+        """Unit vectors from the axis to the legs, (3, 3)."""
         stands = np.array(self.dimensions.stands)
         return np.stack([np.cos(stands), np.sin(stands), 0 * stands], axis=1)
 
@@ -207,34 +207,34 @@ class DeltaModel(Mechanism):
 
 
 def arm_end(angle: Symbol, hinge_tilt: Symbol, arm: Symbol) -> Symbol:
-    """T u(angle) L: from the hinge to the middle of the elbow, in the leg's frame [m].
+    """T u(angle) L: vector from the hinge to the middle of the elbow, in the leg's frame [m].
 
     Args:
-        angle: of the arm [rad], the encoder's zero included.
-        hinge_tilt: of the motor's axis about x and z [rad], (2).
-        arm: its length [m].
+        angle: angle of the arm, including the encoder's zero [rad].
+        hinge_tilt: tilt of the motor's axis about x and z [rad], (2).
+        arm: length of the arm [m].
     """
     direction = column(cos(angle), 0, -sin(angle))
     return arm * (hinge_frame(hinge_tilt) @ direction)
 
 
 def elbow_of(c: Symbol, hinge: Symbol, *arm: Symbol) -> Symbol:
-    """Middle of a leg's elbow in the base [m]; hinge (3) [m] in its frame, arm as `arm_end`."""
+    """Middle of a leg's elbow in the base [m]; hinge (3) [m] in its frame, `arm` of `arm_end`."""
     return leg_frame(c) @ (hinge + arm_end(*arm))
 
 
 def turned_on(d: Symbol, c: Symbol, hinge: Symbol, angle: Symbol, *arm: Symbol) -> Symbol:
-    """The elbow with the arm d [rad] on, up to `symbols.LITTLE`: it goes round the hinge."""
+    """Elbow after the arm has turned by d [rad], up to `symbols.LITTLE`, about the hinge [m]."""
     about, (cosine, sine) = leg_frame(c) @ hinge, little(d)
     ahead, across = (elbow_of(c, hinge, at, *arm) - about for at in (angle, angle + pi / 2))
     return about + cosine * ahead + sine * across
 
 
 def hinge_frame(about: Symbol) -> Symbol:
-    """Rotation of a part that is tilted about x and z, (2) [rad], and not about y."""
+    """Rotation matrix of a part that is tilted about x and z, (2) [rad], and not about y."""
     return tilt(column(about[0], 0, about[1]))
 
 
 def leg_frame(c: Symbol) -> Symbol:
-    """Rotation about z to where a leg stands, by cosine and sine."""
+    """Rotation matrix about z to the direction of a leg, from its cosine and sine."""
     return about_z(c[0], c[1])

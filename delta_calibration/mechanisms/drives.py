@@ -1,11 +1,11 @@
-"""How the drives read: sense and zero of each joint beside those of the model.
+"""Drive readings: sense and zero of each drive relative to the model's own joints.
 
     reading = sense * own + zero        own = sense * (reading - zero)
 
-Everything outside of a mechanism's laws speaks of readings: topics, limits, commands, effects,
-derivatives, torques. The laws are written in the mechanism's own joints. They meet in the compiled
-loops, where a law's joints are put into its workspace and its slopes by them are taken out
-(model/kernels.py), and where `start_joints` is a closed form.
+Everything outside of a mechanism's laws uses readings: topics, limits, commands, effects,
+derivatives, torques. The laws use the mechanism's own joints. The conversion happens in the
+compiled loops, which put a law's joints into its workspace and take its derivatives by them out
+(model/kernels.py), and in `start_joints` where it is a closed form.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Drives:
-    """Sense (m,), 1 or -1, and zero (m,) [rad or m]: the reading where the own joint is zero."""
+    """Sense (m,), 1 or -1, and zero (m,) [rad or m]: the reading at which the own joint is 0."""
 
     sense: Array
     zero: Array
@@ -31,9 +31,9 @@ class Drives:
         return cls(np.ones(joints), np.zeros(joints))
 
     def own(self, reading: Array) -> Array:
-        """The mechanism's own joints at these readings, (..., m)."""
+        """Convert readings to the mechanism's own joints, (..., m)."""
         return self.sense * (reading - self.zero)
 
     def read(self, own: Array) -> Array:
-        """What the drives read at the mechanism's own joints, (..., m)."""
+        """Convert the mechanism's own joints to readings, (..., m)."""
         return self.sense * own + self.zero

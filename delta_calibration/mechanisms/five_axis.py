@@ -1,7 +1,7 @@
 """Five-axis parallel machine: four vertical sliders, four struts, a platform in a plane.
 
 Dang, Fang, *A step identification method of mechanism parameters of a 5-DOF parallel machine tool*
-(2015), paper 004. The table's feed, the fifth axis, carries the work piece and is no part of it.
+(2015), paper 004. The table's feed, the fifth axis, carries the work piece and is not modelled.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from delta_calibration.sections import as_written, length, place, refused, toler
 Array = NDArray[np.float64]
 
 STRUTS = 4
-_SIZE = 6  # parameters a strut
+_SIZE = 6  # parameters per strut
 PLATFORM, SLIDER = slice(0, 3), slice(3, 6)  # each x, y, z
 TURNS_ABOUT_Y = (1.0, 1.0, 0.0, 0.0)  # struts 3, 4 hold the part that only turns about x
-SIDE = (-1.0, 1.0, -1.0, 1.0)  # in y
-ABOVE = (1.0, 1.0, -1.0, -1.0)  # the slider over its platform joint, or under it
+SIDE = (-1.0, 1.0, -1.0, 1.0)  # sign of y
+ABOVE = (1.0, 1.0, -1.0, -1.0)  # 1: slider above its platform joint, -1: below it
 _TURNS, _ABOVE, _LENGTH = range(3)  # constants of a strut
 
 
 @dataclass(frozen=True)
 class StrutPair:
-    """Two struts, one either side of the plane y = 0, all [m]."""
+    """Dimensions of two struts, one on either side of the plane y = 0 [m]."""
 
     platform_x: float = place(about="x of the platform joint, in the platform's frame")
     platform_y: float = place(about="distance of the platform joint from the plane y = 0")
@@ -40,7 +40,7 @@ class StrutPair:
     strut: float = length(about="length of the strut between joint centres, measured on the bench")
 
     def __post_init__(self) -> None:
-        """Refuse struts that do not reach from column to platform.
+        """Refuse struts too short to reach from column to platform.
 
         Raises:
             ConfigError: names the entry, its value and what is allowed.
@@ -79,15 +79,15 @@ class FiveAxis(Mechanism):
     with T = R_X(A) R_Y(B) for struts 1, 2 and R_X(A) for struts 3, 4.
 
     Joints q (n, 4) [m]: heights of the sliders. Pose x (n, 4): the platform centre's y, z [m] and
-    the angles A, B [rad]; all four are commanded. The base is the one of the plane's guides: the
-    platform's centre has x = 0. Parameters of a strut, shape (24,) in all: platform joint t (x, y,
-    z) in the platform and slider joint s (x, y, z) in the base at q = 0 [m]; an error of s_z is an
-    error of the slider's zero.
+    the angles A, B [rad]; all four are commanded. The base frame is that of the plane's guides:
+    the platform's centre has x = 0. Parameters of a strut, shape (24,) in all: platform joint t
+    (x, y, z) in the platform and slider joint s (x, y, z) in the base at q = 0 [m]; an error of
+    s_z is an error of the slider's zero.
 
-    20 of the 24 show in the pose: t_x and s_x of struts 3, 4, which stay in planes across x, do
-    nothing at first order about the drawing. The struts' lengths are measured before assembly, as
-    the paper has it, and are no parameters. Leaves out errors of the plane's guides, tilt of the
-    columns, and play.
+    20 of the 24 are identifiable from poses: t_x and s_x of struts 3, 4, which stay in planes
+    across x, have no effect at first order about the drawing. As in the paper, the struts'
+    lengths are measured before assembly and are no parameters. Leaves out errors of the plane's
+    guides, tilt of the columns, and play.
     """
 
     name: ClassVar[str] = "five_axis"
@@ -112,17 +112,17 @@ class FiveAxis(Mechanism):
 
     @property
     def home(self) -> Array:
-        """Sliders of the level platform in the middle of the workspace, (4,) [m]."""
+        """Slider positions of the level platform in the middle of the workspace, (4,) [m]."""
         return np.array(self.inverse(self.home_pose[None], self.parameters.nominal)[0])
 
     @property
     def tool(self) -> Array:
-        """The tool's tip in the platform, (3,) [m]."""
+        """Position of the tool's tip in the platform's frame, (3,) [m]."""
         return np.array([0.0, 0.0, self.dimensions.tool])
 
     @staticmethod
     def point(x: Symbol, o: Symbol) -> Symbol:
-        """A point fixed to the platform at o, in the base [m]."""
+        """Position in the base [m] of a point fixed to the platform at o."""
         return column(0, x[0], x[1]) + _turn(x[2], x[3]) @ o
 
     @property
@@ -140,31 +140,31 @@ class FiveAxis(Mechanism):
 
     @property
     def home_pose(self) -> Array:
-        """The level platform in the middle of the workspace, (4,)."""
+        """Pose of the level platform in the middle of the workspace, (4,)."""
         return np.array([0.0, self.dimensions.height, 0.0, 0.0])
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Squared length of one strut less what it should be [m^2]."""
+        """Squared length of one strut minus its measured length squared [m^2]."""
         return square(_strut(q, x, g, c)) - c[_LENGTH] ** 2
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Slider over its platform joint, or under it; closed form."""
+        """Slider position above or below its platform joint [m]; closed form."""
         s = _strut(0.0, x, g, c)
         return s[2] + c[_ABOVE] * sqrt(c[_LENGTH] ** 2 - s[0] ** 2 - s[1] ** 2)
 
     def task(self, position: Array, turn: Array) -> Array:
-        """y, z, A, B, (n, 4); x is no choice."""
+        """Commanded coordinates y, z, A, B, (n, 4); x is always 0."""
         return np.stack([position[:, 1], position[:, 2], turn[:, 0], turn[:, 1]], axis=1)
 
     def turn(self, x: Array) -> Array:
-        """A, B, 0, (n, 3) [rad]."""
+        """Turn A, B, 0, (n, 3) [rad]."""
         return np.concatenate([x[:, 2:4], np.zeros_like(x[:, :1])], axis=1)
 
     @property
     def freedoms(self) -> tuple[int, ...]:
-        """y, z, and about x and y."""
+        """Commanded freedoms: y, z, and turns about x and y."""
         return (1, 2, 3, 4)
 
     def _strut(self, strut: int, pair: StrutPair) -> list[Parameter]:
@@ -187,13 +187,13 @@ class FiveAxis(Mechanism):
 
 
 def _strut(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """From slider joint to platform joint, in the base [m]."""
+    """Vector from slider joint to platform joint, in the base [m]."""
     turned = _turn(x[2], c[_TURNS] * x[3]) @ g[PLATFORM]
     return turned + column(0, x[0], x[1] - q) - g[SLIDER]
 
 
 def _turn(a: Symbol, b: Symbol) -> Symbol:
-    """R_X(a) R_Y(b)."""
+    """Rotation matrix R_X(a) R_Y(b)."""
     about_x = rows(column(1, 0, 0), column(0, cos(a), -sin(a)), column(0, sin(a), cos(a)))
     about_y = rows(column(cos(b), 0, sin(b)), column(0, 1, 0), column(-sin(b), 0, cos(b)))
     return about_x @ about_y

@@ -19,7 +19,7 @@ from delta_calibration.sections import angle, as_written, length, refused, toler
 Array = NDArray[np.float64]
 
 TOWERS = 3
-RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # dimensions of a tower
+RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # indices of a tower's dimensions
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class LinearDeltaDimensions:
     )
 
     def __post_init__(self) -> None:
-        """Refuse arms that do not reach the middle, and towers in one place.
+        """Refuse arms too short to reach the middle, and coincident towers.
 
         Raises:
             ConfigError: names the entry, its value and what is allowed.
@@ -66,17 +66,17 @@ class LinearDelta(Mechanism):
     """Carriages on vertical towers, each with an arm (a parallelogram) to the platform.
 
     Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R cos phi_i, R sin phi_i, h_i - q_i), the
-    carriage's joint moved in by the platform's radius. Three joints always stand on a circle: the
-    base's z axis is its middle, so one radius is no less than three.
+    carriage's joint shifted inward by the platform's radius. Three joints always lie on a circle:
+    its centre defines the base's z axis, so one radius describes three towers without loss.
 
-    Joints q (n, 3) [m]: how far each carriage stands down from its endstop. Pose x (n, 3) [m]: the
+    Joints q (n, 3) [m]: distance of each carriage below its endstop. Pose x (n, 3) [m]: the
     platform's centre; z = 0 is the bed. Parameters, shape (10,): radius R [m]; of the towers angle
-    phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]. All show in the
-    positions. Towers that stand at unequal radii show as directions from that middle, so that the
-    tolerance of a direction is both tolerances together. A turn of the base about z changes no
-    height over the bed and no distance: of these observations alone 9 combinations show. Leaves
-    out a tower that leans, a carriage that tilts, and unequal arms of a pair: the platform then
-    tilts.
+    phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]. All are
+    identifiable from positions. Unequal radii of the towers appear as changed directions from the
+    circle's centre, so the prior of a direction combines both tolerances. A turn of the base about
+    z changes no height above the bed and no distance: from such observations alone 9 combinations
+    are identifiable. Leaves out leaning towers, tilting carriages, and unequal arms of a pair,
+    which tilt the platform.
     """
 
     name: ClassVar[str] = "linear_delta"
@@ -100,12 +100,12 @@ class LinearDelta(Mechanism):
 
     @property
     def home(self) -> Array:
-        """Carriages of the platform in the middle, half way up, (3,) [m]."""
+        """Carriage positions with the platform in the middle, half way up, (3,) [m]."""
         return self.drives.read(np.full(TOWERS, self.dimensions.height / 2))
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """The towers; the radius is all of theirs."""
+        """The towers; they share the radius."""
         return tuple(Limb((i,), (0, 1 + i, 4 + i, 7 + i), (i,)) for i in range(TOWERS))
 
     @staticmethod
@@ -116,7 +116,7 @@ class LinearDelta(Mechanism):
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform's centre under the carriages; closed form."""
+        """Position of the platform's centre, below the carriages [m]; closed form."""
         del c
         carriages = tuple(_carriage(q[tower], g[tower]) for tower in range(TOWERS))
         turned = way_round(tuple((cos(tower[ANGLE]), sin(tower[ANGLE])) for tower in g))
@@ -124,7 +124,7 @@ class LinearDelta(Mechanism):
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Carriage above the platform; closed form."""
+        """Position of a carriage above the platform [m]; closed form."""
         del c
         away = x - _carriage(0.0, g)
         return -away[2] - sqrt(g[ARM] ** 2 - away[0] ** 2 - away[1] ** 2)
@@ -136,9 +136,9 @@ class LinearDelta(Mechanism):
     def _towers(self) -> Iterator[Parameter]:
         d, t = self.dimensions, self.tolerances
         endstop = d.height + float(np.sqrt(d.arm**2 - d.radius**2))
-        # Of towers all round, unequal radii move the middle of the circle by (2/3) sum of r_i e_i,
+        # With towers all round, unequal radii move the circle's centre by (2/3) sum of r_i e_i,
         # and two of the three combinations of directions by as much over the radius: their
-        # variances add. The radius itself, known by three, is left as wide as that of one.
+        # variances add. The shared radius, a mean of three, keeps the tolerance of a single one.
         aside = float(np.hypot(t.angle, t.radius / d.radius))
         for i, about_z in enumerate(d.angles.tolist(), 1):
             where = f"joint_{i}"
@@ -152,5 +152,5 @@ class LinearDelta(Mechanism):
 
 
 def _carriage(q: Symbol, g: Symbol) -> Symbol:
-    """Joint of a carriage, moved in by the platform's radius [m]."""
+    """Position of a carriage's joint, shifted inward by the platform's radius [m]."""
     return column(g[RADIUS] * cos(g[ANGLE]), g[RADIUS] * sin(g[ANGLE]), g[ENDSTOP] - q)

@@ -1,4 +1,4 @@
-"""Rotary Delta as the meeting of three spheres: the platform only translates."""
+"""Rotary Delta as the intersection of three spheres: the platform only translates."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
 
-_SIZE = 8  # parameters a leg
+_SIZE = 8  # parameters per leg
 RADIAL, TANGENTIAL, HEIGHT, TILT_X, TILT_Z, ZERO, ARM, ROD = range(_SIZE)
 
 
 class RotaryDelta(DeltaModel):
     """Delta of three arms whose pairs of rods are equal: the platform keeps its orientation.
 
-    Closure of leg i: |x - e_i(q_i)|^2 = l_i^2, with e_i the elbow moved in by the platform radius,
+    Closure of leg i: |x - e_i(q_i)|^2 = l_i^2, e_i: elbow shifted inward by the platform radius,
 
         e_i = Z_i (b_i + T_i u(q_i + z_i) L_i).
 
     Parameters of a leg, shape (24,) in all: joint_radial, joint_tangential, joint_height [m] (b:
-    hinge less platform joint, paper 000's Delta e), hinge_tilt_x, hinge_tilt_z [rad] (T = exp of
-    them), joint_zero z [rad], arm L [m], rod l [m] (mean of the pair). All 24 show in the
-    positions; six combinations of them are the rigid motion of the base, which an unknown tracker
-    frame takes up.
+    hinge minus platform joint, paper 000's Delta e), hinge_tilt_x, hinge_tilt_z [rad] (T = exp of
+    them), joint_zero z [rad], arm L [m], rod l [m] (mean of the pair). All 24 are identifiable
+    from positions; six combinations of them are the rigid motion of the base, which is redundant
+    with an unknown tracker frame.
 
     Leaves out the tilt of the platform by unequal rods: see `SixRodDelta`.
     """
@@ -61,7 +61,7 @@ class RotaryDelta(DeltaModel):
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Lower meeting point of the three spheres about the elbows; closed form."""
+        """Lower intersection point of the three spheres about the elbows; closed form."""
         elbows = tuple(elbow_of(*_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS))
         return lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
@@ -69,14 +69,14 @@ class RotaryDelta(DeltaModel):
     def nearby(
         d: Symbol, o: Symbol, x: Symbol, a: Symbol, q: Symbol, g: Symbol, c: Symbol
     ) -> Symbol:
-        """A point o of the platform where the arms are turned a little on from q."""
+        """Point o of the platform with the arms turned by small angles d from q."""
         del x, a
         elbows = tuple(turned_on(d[leg], *_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS))
         return o + lower_meeting_point(elbows, tuple(leg[ROD] for leg in g), _way_round(c))
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform, elbows, and middles of the pairs of rods."""
+        """Positions of the platform, the elbows and the middles of the pairs of rods [m]."""
         elbows = [elbow_of(*_arm(q[leg], g[leg], c[leg])) for leg in range(LEGS)]
         return column(x[0:3], *elbows, *((elbow + x[0:3]) / 2 for elbow in elbows))
 
@@ -89,7 +89,7 @@ class RotaryDelta(DeltaModel):
     def _leg_parameters(self, leg: int) -> list[Parameter]:
         d, t = self.dimensions, self.tolerances
         where, radius = f"joint_{leg}", d.base_radius - d.platform_radius
-        # hinge and platform joint together
+        # tolerances of hinge and platform joint together
         place = float(np.hypot(t.joint_position, t.joint_position))
 
         def parameter(name: str, unit: str, nominal: float, prior: float, cause: str) -> Parameter:
@@ -108,26 +108,26 @@ class RotaryDelta(DeltaModel):
 
 
 def _way_round(c: Symbol) -> Symbol:
-    """Which way round the legs are numbered, 1 or -1."""
+    """Sense in which the legs are numbered about z: 1 counter-clockwise, -1 clockwise."""
     return way_round(tuple((leg[0], leg[1]) for leg in c))
 
 
 def _arm(q: Symbol, g: Symbol, c: Symbol) -> tuple[Symbol, ...]:
-    """Where a leg stands, its hinge, angle, tilt and length, as `elbow_of` takes them."""
+    """Direction of a leg, its hinge, angle, tilt and arm length: arguments of `elbow_of`."""
     return c, g[RADIAL : HEIGHT + 1], q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]
 
 
 def outward(place: Symbol, tilt: Symbol, zero: Symbol, arm: Symbol, rod: Symbol) -> Symbol:
-    """Joint angle [rad] at which a leg reaches a place, its arm outward; NaN where it cannot.
+    """Joint angle [rad] at which a leg reaches a place, its arm outward; NaN out of reach.
 
         L (w_x cos - w_z sin) = (|w|^2 + L^2 - l^2) / 2
 
     Args:
-        place: of the wrist, seen from the hinge in the leg's frame [m].
-        tilt: of the motor's axis about x and z [rad].
-        zero: of the encoder [rad].
-        arm: its length [m].
-        rod: its length [m].
+        place: position of the wrist relative to the hinge, in the leg's frame [m].
+        tilt: tilt of the motor's axis about x and z [rad].
+        zero: zero offset of the encoder [rad].
+        arm: length of the upper arm [m].
+        rod: length of the forearm [m].
     """
     wrist = hinge_frame(tilt).T @ place
     level = (square(wrist) + arm**2 - rod**2) / 2
@@ -136,5 +136,5 @@ def outward(place: Symbol, tilt: Symbol, zero: Symbol, arm: Symbol, rod: Symbol)
 
 
 def legs(g: Array) -> Array:
-    """Geometry by leg.  (p,) or (n, p) -> (3, 8) or (n, 3, 8)."""
+    """Reshape the geometry by leg: (p,) or (n, p) -> (3, p / 3) or (n, 3, p / 3)."""
     return g.reshape((*g.shape[:-1], LEGS, g.shape[-1] // LEGS))

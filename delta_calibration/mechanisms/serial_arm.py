@@ -19,32 +19,33 @@ from delta_calibration.parameters import Parameter, ParameterSet
 Array = NDArray[np.float64]
 
 X, Y, Z = range(3)
-_LINK = 5  # numbers of a link: twist, skew, length, zero, offset
+_LINK = 5  # dimensions of a link: twist, skew, length, zero, offset
 
 
 class SerialArm(Mechanism):
     """Arm of joints that turn one after the other: two axes (SCARA) to seven, by a DH table.
 
-    Links are in modified DH, whichever way they were drawn, with Hayati's angle between parallel
+    Links are in modified DH, even if drawn in standard DH, with Hayati's angle between parallel
     axes.
 
         A_i = R_x(alpha_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i)
         A_i = R_x(alpha_i) R_y(beta_i) T_x(a_i) R_z(q_i + z_i) T_z(d_i drawn)    parallel axes
 
-    Closure: (p - p_F, log(R(w) R_F^T)), with p_F and R_F the place and the turn after all A_i and
-    the tool: what is left of the pose in position [m] and turn [rad], regular up to a turn of pi.
+    Closure: (p - p_F, log(R(w) R_F^T)), the difference of the pose from forward kinematics in
+    position [m] and orientation [rad], regular up to a turn of pi. p_F and R_F are position and
+    orientation after all A_i and the tool.
 
     Pose x (n, 6): tool centre point [m], rotation vector [rad]. Joints q (n, m) [rad]. Parameters
     of link i: twist alpha [rad], skew beta [rad] if parallel, length a [m], zero z [rad], offset d
-    [m] if not; then of the tool: place (3) [m] in the last link, turn (3) [rad] about x, y, z
-    after its mounting as drawn. An arm of m joints has 4 m + 6 of them; with a free frame of the
-    measuring device 4 m + 6 combinations of 4 m + 12 show in the pose: the first link does four of
-    the frame's six, the last zero and offset do as much as the tool.
+    [m] if not; then of the tool: position (3) [m] in the last link, turn (3) [rad] about x, y, z
+    after its mounting as drawn. An arm of m joints has 4 m + 6 parameters. With an unknown frame
+    of the measuring device, 4 m + 6 combinations of the 4 m + 12 are identifiable from poses: the
+    first link is redundant with four of the frame's six, the last zero and offset with the tool.
 
-    Two joints command x and y, six or more the pose, others the place. Of the postures that reach
-    a task, two parallel axes keep the elbow of `home`, and with a guess any arm takes the one at
-    the guess; without, damped steps from home decide. Leaves out links that bend and gears that
-    give way.
+    Two joints command x and y, six or more the pose, others the position. Of the postures that
+    reach a task, two parallel axes keep the elbow of `home`, and with a guess any arm takes the
+    posture of the guess; without one, damped steps from home decide. Leaves out compliance of
+    links and gears.
     """
 
     name: ClassVar[str] = "serial_arm"
@@ -67,32 +68,32 @@ class SerialArm(Mechanism):
 
     @property
     def home(self) -> Array:
-        """What the drives read at the drawing's home, (m,) [rad]."""
+        """Drive readings at the home of the drawing, (m,) [rad]."""
         return np.array(self.dimensions.home)
 
     def task(self, position: Array, turn: Array) -> Array:
-        """The tool at a place, turned from how it is held at home, (n, task_size)."""
+        """Tool at a position, turned from its orientation at home, (n, task_size)."""
         home = self.forward(self.home[None], self.parameters.nominal)
         held = rotations.log(rotations.exp(turn) @ self.rotation(home))
         return np.concatenate([position, held], axis=1)[:, : self.task_size]
 
     def turn(self, x: Array) -> Array:
-        """How the tool is turned from how it is held at home, (n, 3) [rad]."""
+        """Turn of the tool from its orientation at home, a rotation vector, (n, 3) [rad]."""
         home = self.forward(self.home[None], self.parameters.nominal)
         return rotations.log(self.rotation(x) @ np.swapaxes(self.rotation(home), 1, 2))
 
     @property
     def fixed(self) -> Array:
-        """Of each link the skew, or the offset, that is no parameter; how the tool is mounted."""
+        """Skew or offset of each link, the one that is no parameter; mounting of the tool."""
         each = [link.offset if link.parallel else 0.0 for link in self.dimensions.links]
         return np.array([*each, *self.dimensions.mount.tolist()])
 
     @property
     def drawn_along(self) -> Array:
-        """Lengths and offsets of the drawing, each with the parameter that it moves, (p,) [m].
+        """Lengths and offsets of the drawing, each at the parameter that it changes, (p,) [m].
 
-        An offset along an axis that is parallel to the one before is no parameter: it moves all
-        behind it as one along the axis before does, and is counted there.
+        An offset along an axis that is parallel to the previous axis is no parameter: it has the
+        same effect as one along the previous axis, and is counted there.
         """
         found, own, along = self.parameters.nominal.copy(), -1, 1.0
         found[[p.cause not in ("link_length", "link_offset") for p in self.parameters]] = 0.0
@@ -106,7 +107,7 @@ class SerialArm(Mechanism):
 
     @property
     def limbs(self) -> tuple[Limb, ...]:
-        """One, of all links and the tool."""
+        """A single limb with all links and the tool."""
         row, first = self.parameters.row, len(self.parameters)
         numbers: list[int] = []
         for i, link in enumerate(self.dimensions.links, 1):
@@ -121,7 +122,7 @@ class SerialArm(Mechanism):
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Misfit of pose and arm, (6) [m, rad]."""
+        """Difference between the pose and the arm's forward kinematics, (6) [m, rad]."""
         del c
         position, turn = _walked(q, g)
         back = sy.column(turn[0], -turn[1:4])
@@ -130,7 +131,7 @@ class SerialArm(Mechanism):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Start, middle and end of each link, a uniform rod from its joint's axis to the next."""
+        """Start, middle and end of each link, a uniform rod from its joint to the next."""
         del c
         origins = [*_joint_places(q[0], g[0]), x[0:3]]
         return sy.column(
@@ -142,9 +143,9 @@ class SerialArm(Mechanism):
         )
 
     def weights(self, masses: Any) -> Array:
-        """Of a rod a sixth at either end and the rest in the middle [kg]: Simpson's rule.
+        """Point masses of each rod [kg]: a sixth at either end, the rest in the middle.
 
-        They have its mass, its centre and its inertia exactly.
+        By Simpson's rule they have the rod's mass, centre and inertia exactly.
         """
         del masses
         each = [link.mass for link in self.dimensions.links]
@@ -152,13 +153,13 @@ class SerialArm(Mechanism):
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Pose of the tool, the product itself."""
+        """Pose of the tool by forward kinematics, in closed form."""
         del c
         position, turn = _walked(q[0], g[0])
         return sy.column(position, sy.rotation_vector(turn))
 
     def start_joints(self, task: Array, g: Array) -> Array:
-        """Home; on two parallel axes the joints of a plane arm, its elbow as at home."""
+        """Home; for two parallel axes the joints of a planar arm, its elbow as at home."""
         if not (self.joints == 2 and self.dimensions.links[1].parallel):
             return np.tile(self.home, (len(task), 1))
         names = ("length_2", "tool_x", "tool_y", "zero_1", "zero_2")
@@ -188,7 +189,7 @@ class SerialArm(Mechanism):
             yield parameter("offset", "m", link.offset, t.length, "link_offset")
 
     def _tool(self) -> Iterator[Parameter]:
-        """Of the tool; where the last axes are parallel its x is the last link's length."""
+        """Parameters of the tool; if the last axes are parallel, x is the last link's length."""
         t, where = self.tolerances, f"joint_{self.joints}"
         plane = self.dimensions.links[-1].parallel
         for letter, value in zip("xyz", self.dimensions.tool, strict=True):
@@ -200,7 +201,7 @@ class SerialArm(Mechanism):
 
 
 def _walked(q: Symbol, g: Symbol) -> tuple[Symbol, Symbol]:
-    """Where the tool is in the base [m], and its unit quaternion, scalar first."""
+    """Position of the tool in the base [m], and its unit quaternion, scalar first."""
     *_, (_, state) = _steps(q, g)
     tool = g[_LINK * _links(g) :]
     for axis in (X, Y, Z):
@@ -213,7 +214,7 @@ def _walked(q: Symbol, g: Symbol) -> tuple[Symbol, Symbol]:
 
 
 def _joint_places(q: Symbol, g: Symbol) -> list[Symbol]:
-    """A point of each joint's axis, in the base [m]."""
+    """One point on each joint's axis, in the base [m]."""
     return [before[0] for before, _ in _steps(q, g)]
 
 
@@ -222,7 +223,7 @@ def _links(g: Symbol) -> int:
 
 
 def _steps(q: Symbol, g: Symbol) -> Iterator[tuple[Any, Any]]:
-    """Before and behind each joint: place, unit quaternion and axes of the frame reached."""
+    """Frame before and after each joint: position, unit quaternion and axes."""
     axes = sy.column(1, 0, 0), sy.column(0, 1, 0), sy.column(0, 0, 1)
     state: Any = sy.column(0, 0, 0), sy.column(1, 0, 0, 0), axes
     for i in range(_links(g)):
@@ -233,13 +234,13 @@ def _steps(q: Symbol, g: Symbol) -> Iterator[tuple[Any, Any]]:
 
 
 def _shifted(state: Any, axis: int, size: Symbol) -> Any:
-    """Along an axis of the frame reached so far, by a length [m]."""
+    """Shift the frame reached so far along one of its axes, by a length [m]."""
     position, turn, axes = state
     return position + size * axes[axis], turn, axes
 
 
 def _turned_by(state: Any, axis: int, angle: Symbol) -> Any:
-    """About an axis of the frame reached so far, by an angle [rad]."""
+    """Turn the frame reached so far about one of its axes, by an angle [rad]."""
     position, turn, axes = state
     c, s = sy.cos(angle), sy.sin(angle)
     one, two = (axis + 1) % 3, (axis + 2) % 3

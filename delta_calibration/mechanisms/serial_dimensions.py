@@ -29,17 +29,17 @@ X = np.array([1.0, 0.0, 0.0])
 
 @dataclass(frozen=True)
 class Link:
-    """A joint and what leads to its axis, modified DH (Craig), or from it on, standard DH.
+    """A joint and the transform to its axis (modified DH, Craig) or from it (standard DH).
 
         A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)      modified
         B_i = R_z(q_i + zero) T_z(offset) R_x(twist) T_x(length)      standard
 
-    The modified row holds what leads from axis i - 1 (the base for the first) to axis i, the
-    standard one what leads from axis i to axis i + 1 (the tool's frame for the last).
+    The modified row describes the transform from axis i - 1 (the base for the first) to axis i,
+    the standard one that from axis i to axis i + 1 (the tool's frame for the last).
 
-    `parallel` says that axes i - 1 and i are nearly so. Their common normal is then badly defined:
-    an error of twist moves it far along the axes. Hayati's angle about y takes the offset's place
-    among what can be wrong, and the offset stays as drawn.
+    `parallel` states that axes i - 1 and i are nearly parallel. Their common normal is then badly
+    defined: an error of twist moves it far along the axes. Hayati's angle about y replaces the
+    offset as a parameter, and the offset stays as drawn.
     """
 
     twist: float = angle(
@@ -68,7 +68,7 @@ class ArmDimensions:
     """The drawing of a serial arm.
 
     Raises:
-        ConfigError: no link, a first axis said to be parallel, or a home of another size.
+        ConfigError: no link, a first axis marked parallel, or home, tool or mount of wrong size.
     """
 
     links: tuple[Link, ...] = parts(
@@ -88,7 +88,7 @@ class ArmDimensions:
     )
 
     def __post_init__(self) -> None:
-        """Refuse what no arm can be made of."""
+        """Refuse dimensions that do not describe an arm."""
         if not self.links:
             raise ConfigError("links: none is not allowed; one or more")
         if self.links[0].parallel:
@@ -108,8 +108,8 @@ class ArmDimensions:
     def modified(self) -> ArmDimensions:
         """The same arm in modified DH.
 
-        Each alpha and a goes to the next link, which begins where they lead. What they lead to
-        behind the last joint is the tool's part:
+        Each alpha and a moves to the next link, because a modified row begins with them. Those
+        of the last row become part of the tool:
 
             R_x(alpha) T_x(a) T(tool) R(mount) = T(a x + R_x(alpha) tool) R_x(alpha) R(mount)
         """
@@ -133,7 +133,7 @@ class ArmDimensions:
 
     @property
     def behind(self) -> tuple[float, float]:
-        """alpha [rad] and a [m] behind the last joint as drawn: those of the last standard row."""
+        """alpha [rad] and a [m] after the last joint, from the last row of standard DH; else 0."""
         if self.convention == MODIFIED:
             return 0.0, 0.0
         return self.links[-1].twist, self.links[-1].length

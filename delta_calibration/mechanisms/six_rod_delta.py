@@ -1,4 +1,4 @@
-"""Rotary Delta with its six rods: unequal rods and crooked ball joints tilt the platform."""
+"""Rotary Delta with six rods: unequal rods and misaligned ball joints tilt the platform."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from delta_calibration.parameters import Parameter
 
 Array = NDArray[np.float64]
 
-_SIZE = 20  # parameters a leg
+_SIZE = 20  # parameters per leg
 BASE, PLATFORM = slice(0, 3), slice(3, 6)  # radial, tangential, height
 TILT_X, TILT_Z, ZERO, ARM, ROD, MISMATCH = 6, 7, 8, 9, 10, 11
-ELBOW, JOINT = slice(12, 14), slice(14, 16)  # one of each a side
+ELBOW, JOINT = slice(12, 14), slice(14, 16)  # half widths, one per rod
 ELBOW_X, ELBOW_Z, LINE_X, LINE_Z = 16, 17, 18, 19
 SIDE = (-1.0, 1.0)  # which side of the leg's middle a rod is on, along the motor's axis
 _ALONG = (0.0, 1.0, 0.0)
-_STEPS = 4  # from a pose nearby: the last is off by less than 1e-11 m, `LITTLE` from the command
+_STEPS = 4  # from a nearby pose: the error is below 1e-11 m at `LITTLE` from the command
 
 
 class SixRodDelta(DeltaModel):
@@ -47,8 +47,9 @@ class SixRodDelta(DeltaModel):
     half widths c_1, c_2 at the elbow and d_1, d_2 at the platform [m], tilt x, z [rad] of the line
     of ball joints at the elbow (n in the hinge's frame, as the paper has it) and at the platform.
 
-    36 combinations of the 60 show in the pose and 33 in the positions alone, at first order about
-    the drawing. Leaves out a tilt of the elbow's line that turns with the arm, and clearance.
+    Of the 60, 36 combinations are identifiable from poses and 33 from positions alone, at first
+    order about the drawing. Leaves out a tilt of the elbow's line that turns with the arm, and
+    clearance.
     """
 
     name: ClassVar[str] = "six_rod_delta"
@@ -56,19 +57,19 @@ class SixRodDelta(DeltaModel):
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Squared length of the two rods of one leg less what it should be [m^2]."""
+        """Squared length of the two rods of one leg, minus that of their parameters [m^2]."""
         return _gaps(elbow_of(*_arm(q, g, c)), x[0:3], rotation(x[3:6]), g, c)
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Meeting point of the three spheres with the pairs' means, no tilt."""
+        """Pose of the three-sphere model with each pair's mean dimensions, without tilt."""
         return column(RotaryDelta.opening(q, [_sphere(leg) for leg in g], c), 0, 0, 0)
 
     @staticmethod
     def nearby(
         d: Symbol, o: Symbol, x: Symbol, a: Symbol, q: Symbol, g: Symbol, c: Symbol
     ) -> Symbol:
-        """A point o of the platform: moved on by three spheres, then closed by the slope at x."""
+        """Point o of the platform: moved by three spheres, then by Newton steps with f_x at x."""
         spheres = [_sphere(leg) for leg in g]
         on = RotaryDelta.nearby(d, x[0:3], x, a, q, spheres, c)
         on = column(on - RotaryDelta.opening(q, spheres, c), x[3:6])
@@ -81,12 +82,12 @@ class SixRodDelta(DeltaModel):
 
     @staticmethod
     def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Platform, elbows, and middles of the pairs of rods."""
+        """Positions of the platform, the elbows and the middles of the pairs of rods [m]."""
         return RotaryDelta.masses(x, q, [_sphere(leg) for leg in g], c)
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Joint of the three-sphere model with the pair's mean."""
+        """Joint angle of the three-sphere model with the pair's mean dimensions."""
         return RotaryDelta.reaching(x, _sphere(g), c)
 
     def _leg_parameters(self, leg: int) -> list[Parameter]:
@@ -126,7 +127,7 @@ class SixRodDelta(DeltaModel):
 
 
 def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
-    """Six rods in pairs that do not differ, that stand where three spheres do.  (24,) -> (60,)."""
+    """Six-rod model with equal rods that is equivalent to three spheres.  (24,) -> (60,)."""
     model = SixRodDelta(spheres.dimensions, spheres.tolerances).driven(spheres.drives)
     leg, known = legs(model.parameters.nominal.copy()), legs(g)
     leg[:, BASE] = known[:, :3] + leg[:, PLATFORM]
@@ -136,12 +137,12 @@ def alike(spheres: RotaryDelta, g: Array) -> tuple[SixRodDelta, Array]:
 
 
 def _arm(q: Symbol, g: Symbol, c: Symbol) -> tuple[Symbol, ...]:
-    """Where a leg stands, its hinge, angle, tilt and length, as `elbow_of` takes them."""
+    """Direction of a leg, its hinge, angle, tilt and arm length: arguments of `elbow_of`."""
     return c, g[BASE], q + g[ZERO], g[TILT_X : TILT_Z + 1], g[ARM]
 
 
 def _gaps(elbow: Symbol, centre: Symbol, turn: Symbol, g: Symbol, c: Symbol) -> Symbol:
-    """Squared length of the two rods of a leg less what it should be [m^2]."""
+    """Squared length of the two rods of a leg, minus that of their parameters [m^2]."""
     stand, hinge = leg_frame(c), hinge_frame(g[TILT_X : TILT_Z + 1])
     line = stand @ hinge @ hinge_frame(g[ELBOW_X : ELBOW_Z + 1]) @ column(*_ALONG)
     crooked = stand @ hinge_frame(g[LINE_X : LINE_Z + 1]) @ column(*_ALONG)
@@ -154,5 +155,5 @@ def _gaps(elbow: Symbol, centre: Symbol, turn: Symbol, g: Symbol, c: Symbol) -> 
 
 
 def _sphere(g: Symbol) -> Symbol:
-    """The parameters that a leg of `RotaryDelta` has: hinge less platform joint, and the rest."""
+    """Parameters of the equivalent `RotaryDelta` leg: hinge minus platform joint, and the rest."""
     return column(g[BASE] - g[PLATFORM], g[TILT_X : ROD + 1])

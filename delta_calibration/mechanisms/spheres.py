@@ -1,4 +1,4 @@
-"""Where three spheres meet, in symbols: the direct problem of a platform that only translates."""
+"""Intersection of three spheres, in symbols: forward kinematics of a translating platform."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ def lower_meeting_point(
     radii: tuple[Symbol, Symbol, Symbol],
     way_round: Symbol,
 ) -> Symbol:
-    """The point under three centres; not a number where the spheres do not meet.
+    """Lower intersection point of three spheres [m]; NaN where they do not intersect.
 
     Args:
-        centres: (3) each [m].
-        radii: [m].
-        way_round: 1 where the centres are numbered counter-clockwise about z, -1 clockwise; see
+        centres: centres of the spheres, (3) each [m].
+        radii: radii of the spheres [m].
+        way_round: 1 if the centres are numbered counter-clockwise about z, -1 if clockwise; see
             `way_round`.
     """
     a, b = centres[1] - centres[0], centres[2] - centres[0]
@@ -29,10 +29,10 @@ def lower_meeting_point(
 
 
 def way_round(stands: tuple[tuple[Symbol, Symbol], ...]) -> Symbol:
-    """1 where three directions are numbered counter-clockwise about z, -1 clockwise.
+    """Return 1 if three directions are numbered counter-clockwise about z, -1 if clockwise.
 
     Args:
-        stands: cosine and sine of each.
+        stands: cosine and sine of each direction.
     """
     one, two, three = stands
     across = [(end[0] - one[0], end[1] - one[1]) for end in (two, three)]

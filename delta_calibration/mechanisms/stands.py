@@ -1,4 +1,4 @@
-"""Where the three legs of a Delta may stand about its axis."""
+"""Check of the directions of a Delta's legs or towers about its axis."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from delta_calibration.sections import as_written, refused
 
 Array = NDArray[np.float64]
 
-_APART = np.pi / 180  # [rad] of two about the axis, at least
+_APART = np.pi / 180  # [rad] smallest angle between two directions about the axis
 
 
 def require_apart(section: Any, name: str, stands: Array, what: str) -> None:
-    """Refuse two in one place; `what` names them.
+    """Refuse legs or towers of which two have nearly the same direction.
 
     Args:
-        section: of the robot file.
-        name: its field that holds them.
+        section: section of the robot file.
+        name: field of the section that holds the directions.
         stands: angles about z (k,) [rad].
-        what: how they are called, many.
+        what: plural word for them, for the message.
 
     Raises:
         ConfigError: names the entry, its value and what is allowed.

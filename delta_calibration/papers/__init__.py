@@ -1,8 +1,8 @@
-"""The methods of the papers as identifiers, complete and tested; nothing in the core needs them.
+"""Identification methods of the papers, complete and tested; nothing in the core needs them.
 
-In turn (cable robot), swarms (Delta, five-axis machine), stepwise (five-axis machine). The swarm
-as a way to joint corrections is `compensation/apso.py`, the search on measured errors alone
-(SCARA) `compensation/grid_search.py`.
+Alternating fits (cable robot), swarms (Delta, five-axis machine), stepwise swarms (five-axis
+machine). The swarm that searches joint corrections is `compensation/apso.py`, the search that uses
+measured errors alone (SCARA) `compensation/grid_search.py`.
 """
 
 from delta_calibration.papers.alternating import (

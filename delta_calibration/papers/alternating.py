@@ -1,15 +1,15 @@
-"""Geometry and device frame from residuals in joint coordinates: in turn, or both at once.
+"""Fits geometry and device frame to residuals in joint coordinates: alternating, or together.
 
-Paper 002's procedure: the geometry is fitted in the frame as it is known (its (4), (5)), then the
-frame with that geometry, and so on until both stand still. In turn, each fit takes up what it can
-of the other's error, so the two approach their common answer by a constant factor a round; what
-geometry and frame can do alike (a gauge) stays where it happened to be. Both at once takes a few
-steps. Plain weighted least squares with priors as rows where the problem wants them; nothing is
-done against gross errors.
+Paper 002's procedure: the geometry is fitted with the frame held (its (4), (5)), then the frame
+with the geometry held, and so on until both converge. Each fit absorbs part of the other's error,
+so the alternation converges linearly, by a constant factor per round; a change that geometry and
+frame can make alike (a gauge) is not determined and depends on the start. The fit of both together
+takes a few steps. Plain weighted least squares, with priors as rows if the problem requires them;
+not robust against gross errors.
 
-`in_turn` is the same on the error model of a session, where a device reads positions and no joint
-of a measured pose can be computed: a round costs two products there, and a hundred thousand of
-them are nothing.
+`in_turn` alternates on the error model of a session, in which a device reads positions and the
+joints of a measured pose cannot be computed: a round costs two matrix products there, so a hundred
+thousand rounds are cheap.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from delta_calibration.papers.swarm import SwarmResult
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-STILL = 1e-6  # of its expected size: an unknown that moves less stands still
+STILL = 1e-6  # an unknown that moves by less, in expected sizes, has converged
 _STEPS = 50  # of one fit
 _HALVINGS = 12
-_ROUNDING = 1e-12  # a cost that grows by such a share has not grown
-_SHOWN = 1e-9  # singular directions under this share of the largest are not moved along
+_ROUNDING = 1e-12  # relative growth of the cost that counts as rounding
+_SHOWN = 1e-9  # directions with smaller singular values, relative to the largest, are not moved
 
 
 @dataclass(frozen=True)
 class TogetherFit:
-    """Geometry and frame at rest, and what it cost."""
+    """Converged geometry and frame, with the effort of the fit."""
 
     geometry: Array  # (p,)
     frame: Frame  # T_device_robot
     residual: Array  # (n, m) [rad]
-    cost: float  # whitened squares, and those of the priors
-    rounds: int  # 1 where both were fitted at once
-    evaluations: int  # of the inverse problem of all poses
-    slopes: int  # of its derivatives
+    cost: float  # sum of squares of the whitened residuals and of the priors
+    rounds: int  # 1 if both were fitted together
+    evaluations: int  # of the inverse kinematics of all poses
+    slopes: int  # evaluations of its derivatives
     observability: Observability
 
     @property
@@ -58,16 +58,16 @@ class TogetherFit:
 def alternate(
     problem: JointProblem, frame: Frame | None = None, rounds: int = 200, still: float = STILL
 ) -> TogetherFit:
-    """Geometry with the frame held, frame with the geometry held, until both stand still.
+    """Fit the geometry with the frame held, then the frame, in turn until both converge.
 
     Args:
         problem: joints, poses, weights.
-        frame: where the robot is believed to stand in the device; else the nominal machine's best.
-        rounds: after which the two are taken not to come to rest.
-        still: largest change in a round, in expected sizes, that counts as none.
+        frame: start value of `T_device_robot`; by default the best fit of the nominal machine.
+        rounds: largest number of rounds.
+        still: largest change in a round, in expected sizes, that counts as converged.
 
     Raises:
-        DataError: too few poses, poses out of reach, or no rest within `rounds`.
+        DataError: too few poses, poses out of reach, or no convergence within `rounds`.
     """
     now = _start(problem, frame)
     geometry = problem.layout.mask(problem.layout.geometry)
@@ -84,7 +84,7 @@ def alternate(
 def fit_together(
     problem: JointProblem, frame: Frame | None = None, still: float = STILL
 ) -> TogetherFit:
-    """Geometry and frame at once; the same answer where nothing is left to a gauge.
+    """Fit geometry and frame together; the result equals `alternate`'s unless there is a gauge.
 
     Raises:
         DataError: too few poses, or poses out of reach.
@@ -97,22 +97,22 @@ def fit_together(
 def in_turn(
     line: LinearResidual, first: Mask, start: Array, rounds: int, still: float = 1e-5
 ) -> SwarmResult:
-    """Some of an error model's unknowns with the others held, then those, until all stand still.
+    """Fit two groups of an error model's unknowns alternately until all converge.
 
     Args:
-        line: by unknowns in units of their expected sizes, (F,).
-        first: which of them are fitted first in a round.
-        start: of all, (F,).
-        rounds: after which they are taken not to come to rest.
-        still: largest change in a round that counts as none.
+        line: error model in unknowns in units of their expected sizes, (F,).
+        first: mask of the group that is fitted first in a round, (F,).
+        start: start values of all unknowns, (F,).
+        rounds: largest number of rounds.
+        still: largest change in a round that counts as converged.
 
     Raises:
-        DataError: no rest within `rounds`.
+        DataError: no convergence within `rounds`.
     """
     one, other = (np.linalg.pinv(line.factor[:, part]) for part in (first, ~first))
     by_other, by_one = -one @ line.factor[:, ~first], -other @ line.factor[:, first]
     alone = one @ line.target, other @ line.target
-    # a round is the same linear map each time: there and back in one
+    # every round is the same linear map, so both fits are combined into one product
     whole, back = by_other @ by_one, alone[0] + by_other @ alone[1]
     now = alone[0] + by_other @ start[~first]
     for count in range(1, rounds + 1):
@@ -162,13 +162,13 @@ def _state(
 
 
 def _prior_misses(problem: JointProblem, geometry: Array) -> Array:
-    """(actual - nominal) / prior, (p,); 0 where there is none."""
+    """Residuals of the priors, (actual - nominal) / prior, (p,); 0 for a parameter without."""
     parameters = problem.mechanism.parameters
     return (geometry - parameters.nominal) / parameters.prior * problem.priors
 
 
 def _descend(problem: JointProblem, now: _State, moving: Mask, still: float) -> _State:
-    """Gauss-Newton in some of the unknowns, each step halved until it lowers the cost."""
+    """Gauss-Newton iteration in the unknowns `moving`; steps are halved until the cost falls."""
     for _ in range(_STEPS):
         step = _step(problem, now, moving)
         now = replace(now, slopes=now.slopes + 1)
@@ -186,7 +186,7 @@ def _descend(problem: JointProblem, now: _State, moving: Mask, still: float) -> 
 
 
 def _step(problem: JointProblem, now: _State, moving: Mask) -> Array:
-    """Least-norm Gauss-Newton step in expected sizes, (p + 6,); 0 where nothing moves."""
+    """Least-norm Gauss-Newton step in expected sizes, (p + 6,); 0 for unknowns that are held."""
     size = len(problem.names)
     slope = problem.whiten @ (problem.slopes(now.geometry, now.frame) * problem.scale)
     white = (problem.whiten @ now.residual[..., None])[..., 0]

@@ -1,13 +1,13 @@
-"""The error model of a session, and where a search may look in it.
+"""Linear error model of a session, and the search box of its unknowns.
 
-Paper 004's (6), of everything that a session leaves unknown: geometry, reflector offset, tracker
-frame and, where turns take part, how the probe is mounted, in units z of what one expects of
-them, with the priors as rows,
+Paper 004's (6) for all unknowns of a session: geometry, reflector offset, tracker frame and, if
+rotations are used, rotation of the probe, in units z of their priors, with the priors as rows,
 
     |e - J d|^2 = sum_i w_i |W_i (y_i - chain(q_i, theta)) - J_i d|^2 / s^2 + sum_prior z_k^2,
 
-about one machine, w and s the weights and the spread of the robust loss. Its sum of squares is
-that of one row an unknown, whatever the number of poses: a search may ask it a million times.
+linearised about one machine, with w and s the weights and the spread of the robust loss. The sum
+of squares is reduced to one row per unknown, whatever the number of poses, so that a search can
+evaluate it a million times.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from delta_calibration.papers.swarm import Box
 
 Array = NDArray[np.float64]
 
-_FAR = 4.0  # standard deviations of a part; of all parts one in 16 000 is farther off
+_FAR = 4.0  # standard deviations of a part; one part in 16 000 deviates more
 
 
 def error_model(problem: Problem, z: Array, spread: float) -> LinearResidual:
-    """The problem about unknowns z (F,), by the unknowns; `spread` of what no part explains."""
+    """Linearise the problem about unknowns z, (F,); `spread` is that of the whitened residuals."""
     at = problem.linearized(problem.theta(z))
     residual, slope = at.residual, at.slope
     root = np.sqrt(robust_weights(residual))[:, None] / spread
@@ -36,10 +36,10 @@ def error_model(problem: Problem, z: Array, spread: float) -> LinearResidual:
 
 
 def box_of(problem: Problem) -> Box:
-    """Where a machine of these priors may lie, by the unknowns.
+    """Search box of the unknowns, from their priors.
 
-    What has no prior, the tracker's frame, stands as far from the one that fits the drawing best
-    as parts that far off can turn and shift it.
+    Unknowns without prior (the tracker's frame) get as much room about the best frame of the
+    nominal machine as parts at the ends of their own intervals can rotate and shift it.
     """
     slope = problem.linearized(problem.theta0).rows
     known = problem.has_prior[problem.free]

@@ -1,11 +1,12 @@
-"""Residuals in joint coordinates: what the encoders say less what a measured pose asks for.
+"""Residuals in joint coordinates: encoder readings less the joints of the measured poses.
 
     e = theta - theta(F^-1 y, g)        paper 002 (3): e = theta - (l - l_0) / k
 
-y: poses as the device measures them; F = `T_device_robot`: the robot's frame in the device's; g:
-geometry. For mechanisms whose inverse problem has an answer joint by joint: one closure a joint
-and a pose that the joints command whole. No direct problem is solved, so nothing is searched for;
-what the device's noise does to the joints is up to the weights (`joint_covariance`).
+theta: joints; y: poses as the device measures them; F = `T_device_robot`: the robot's frame in the
+device's; g: geometry. Valid for mechanisms with explicit inverse kinematics: one closure equation
+per joint, and all coordinates of the pose commanded. The forward kinematics are not needed, so no
+equation is solved iteratively; the weights have to account for the influence of the device's noise
+on the joints (`joint_covariance`).
 """
 
 from __future__ import annotations
@@ -29,22 +30,22 @@ FRAME_STEP = 1e-3  # typical size of a frame's coordinate, which has no prior [r
 
 @dataclass(frozen=True)
 class JointProblem:
-    """Joints and measured poses that a geometry and a frame are to bring together.
+    """Problem of fitting geometry and frame to joints and measured poses.
 
-    Unknowns in the order geometry (p), frame (6): a turn and a shift of the robot in its own axes.
+    Unknowns in the order geometry (p), frame (6): rotation and shift of the robot in its own axes.
     """
 
     mechanism: Mechanism
-    joint: Array  # (n, m) [rad] by the encoders
-    pose: Array  # (n, k) in the device's frame [m, rad]: position, rotation vector if a body
-    whiten: Array  # (n, m, m) [1/rad], see identification.noise.whitening
+    joint: Array  # (n, m) [rad] encoder readings
+    pose: Array  # (n, k) in the device's frame [m, rad]: position, and rotation vector if k is 6
+    whiten: Array  # (n, m, m) [1/rad], see estimation.noise.whitening
     priors: bool = True  # False: plain least squares, as paper 002 has it
 
     def __post_init__(self) -> None:
-        """Refuse what no residual in joint coordinates exists for.
+        """Refuse input for which residuals in joint coordinates do not exist.
 
         Raises:
-            InputError: a mechanism without explicit inverse problem, or arrays that do not fit.
+            InputError: a mechanism without explicit inverse kinematics, or arrays of wrong shape.
         """
         robot, n = self.mechanism, len(self.joint)
         home, g = robot.home[None], robot.parameters.nominal
@@ -65,17 +66,17 @@ class JointProblem:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the unknowns, (p + 6,)."""
+        """Names of the unknowns, (p + 6,)."""
         return self.mechanism.parameters.names + FRAME_NAMES
 
     @property
     def layout(self) -> Layout:
-        """Which of the unknowns are which: no reflector's offset is among them."""
+        """Layout of the unknowns; the reflector's offset is not among them."""
         return Layout(len(self.mechanism.parameters), has_offset=False)
 
     @property
     def scale(self) -> Array:
-        """Expected size of each unknown, (p + 6,): the priors, a millimetre or milliradian."""
+        """Expected size of each unknown, (p + 6,): its prior, else a millimetre or milliradian."""
         prior = self.mechanism.parameters.prior
         scale = np.full(self.layout.size, FRAME_STEP)
         scale[self.layout.geometry] = np.where(np.isfinite(prior), prior, FRAME_STEP)
@@ -91,11 +92,11 @@ class JointProblem:
         return np.concatenate([position, turn], axis=1)
 
     def residual(self, geometry: Array, frame: Frame) -> Array:
-        """e, (n, m) [rad]; NaN where a measured pose is out of the geometry's reach."""
+        """Residuals e, (n, m) [rad]; NaN where a measured pose is out of the geometry's reach."""
         return self.joint - self.mechanism.inverse(self.in_robot(frame), geometry)
 
     def slopes(self, geometry: Array, frame: Frame) -> Array:
-        """-de by the unknowns, (n, m, p + 6): implicit function theorem at constant pose."""
+        """-de/d(unknowns), (n, m, p + 6), by the implicit function theorem at constant pose."""
         x = self.in_robot(frame)
         q = self.mechanism.inverse(x, geometry)
         by_joints = self.mechanism.closure_by_joints(q, x, geometry)
@@ -119,7 +120,7 @@ class JointProblem:
         """Refuse fewer residuals than unknowns.
 
         Raises:
-            DataError: says how many poses there are and how many it takes.
+            DataError: states the number of poses, and the number needed.
         """
         unknowns, joints = len(self.names), self.mechanism.joints
         fewest = -(-unknowns // joints)
@@ -133,13 +134,13 @@ class JointProblem:
 def joint_covariance(
     mechanism: Mechanism, pose: Array, pose_covariance: Array, joint_sigma: float
 ) -> Array:
-    """Covariance of the residuals e, (n, m, m) [rad^2]: encoders, and the pose through dq/dx.
+    """Covariance of the residuals e, (n, m, m) [rad^2]: rest errors, and pose noise through dq/dx.
 
     Args:
-        mechanism: on its nominal geometry.
-        pose: near the measured ones, in the robot's frame, (n, k).
+        mechanism: evaluated at its nominal geometry.
+        pose: approximate measured poses, in the robot's frame, (n, k).
         pose_covariance: of a measured pose in the robot's axes, (k, k).
-        joint_sigma: standard deviation of where a joint comes to rest [rad].
+        joint_sigma: standard deviation of a joint's rest position [rad].
     """
     g = mechanism.parameters.nominal
     q = mechanism.inverse(pose, g)
@@ -150,7 +151,7 @@ def joint_covariance(
 
 
 def _pose_by_frame(x: Array) -> Array:
-    """Change of a pose in the robot when the robot is turned and shifted, (n, k, 6)."""
+    """Derivative of a pose in the robot's frame by rotation and shift of the robot, (n, k, 6)."""
     n, k = x.shape
     slope = np.zeros((n, k, 6))
     slope[:, :3, :3] = rotations.skew(x[:, :3])  # -w x P

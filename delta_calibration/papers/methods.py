@@ -1,9 +1,10 @@
-"""The methods that a session can be fitted by, by their names: each solves the same problem.
+"""Methods that can fit a session, by name; all of them solve the same problem.
 
-Whitened residuals of positions, and of turns where they take part, by all that is unknown, priors
-as rows, a robust loss: `problem.py`. Least squares asks the chain itself. The others are those of
-the papers and search the error model about the drawing (`error_model.py`), then about what was
-found, so that the squares of the errors are taken in and the loss fits what is left.
+The problem (`problem.py`) has whitened residuals of positions, and of rotations if used, as a
+function of all unknowns, priors as rows, and a robust loss. Least squares evaluates the chain
+itself. The methods of the papers search the error model about the nominal machine
+(`error_model.py`), then about each result, so that second-order terms are included and the robust
+weights suit the residuals.
 """
 
 from __future__ import annotations
@@ -35,14 +36,14 @@ from delta_calibration.papers.swarm import (
 
 Array = NDArray[np.float64]
 
-ROUNDS = 4  # error models, one about the other's find; the farthest bent robot takes as many
-ORDERS = SINGULAR, SETTLING = "singular", "settled"  # in which stepwise QPSO may go
-_TURNS = 300_000  # of geometry and frame; the slowest robot of the package takes 93 000
-_ONE_DIRECTION = 120  # iterations: a direction alone is found sooner than twenty together
+ROUNDS = 4  # linearisations, each about the last result; the robot farthest off needs as many
+ORDERS = SINGULAR, SETTLING = "singular", "settled"  # of the unknowns in stepwise QPSO
+_TURNS = 300_000  # rounds of geometry and frame; the slowest robot of the package takes 93 000
+_ONE_DIRECTION = 120  # iterations: one direction converges sooner than twenty together
 
 
 class InRounds(Method):
-    """A search of the error model, about the drawing and then about what it found."""
+    """Base of methods that search the error model, relinearised about the result of each round."""
 
     @abstractmethod
     def search(
@@ -53,7 +54,7 @@ class InRounds(Method):
         rng: np.random.Generator,
         watch: Watch,
     ) -> SwarmResult:
-        """The least of the error model, by the problem's unknowns, (F,)."""
+        """Search the minimum of the error model over the problem's unknowns, (F,)."""
 
     def fit(
         self,
@@ -62,7 +63,7 @@ class InRounds(Method):
         watch: Watch,
         near: Array | None = None,
     ) -> Fit:
-        """See `Method.fit`; always begins at the drawing."""
+        """See `Method.fit`; always begins at the nominal machine."""
         del near
         z, spread, evaluations = np.zeros(np.count_nonzero(problem.free)), 1.0, 0
         for _ in range(ROUNDS):
@@ -75,9 +76,9 @@ class InRounds(Method):
 
 @dataclass(frozen=True)
 class Alternating(InRounds):
-    """Paper 002: geometry and the device's frame in turn, until both stand still.
+    """Paper 002: geometry and the device's frame are fitted in turn until both converge.
 
-    With the frame goes where the reflector, or how the probe, is put: the device's as well.
+    Reflector offset and probe rotation are fitted with the frame: they belong to the device too.
     """
 
     name: str = "alternating"
@@ -98,7 +99,7 @@ class Alternating(InRounds):
 
 @dataclass(frozen=True)
 class Swarm(InRounds):
-    """All unknowns at once, by a swarm in the box of the priors."""
+    """A swarm searches all unknowns together, in the box of the priors."""
 
     name: str
     swarm: SwarmSettings
@@ -111,7 +112,7 @@ class Swarm(InRounds):
         rng: np.random.Generator,
         watch: Watch,
     ) -> SwarmResult:
-        """See `InRounds.search`; every round from places by chance."""
+        """See `InRounds.search`; every round begins at random positions."""
         del start
         return minimise(_told(line, watch), box_of(problem), self.swarm, rng)
 
@@ -128,10 +129,10 @@ class Swarm(InRounds):
 
 @dataclass(frozen=True)
 class StepwiseSwarm(Swarm):
-    """Unknowns one after the other.
+    """A swarm searches the unknowns one after the other.
 
-    By singular direction of the identification Jacobian, strongest first; or, as paper 004 has it,
-    each as soon as it has settled, then all together.
+    Order: singular directions of the identification Jacobian, strongest first; or, as in paper
+    004, each unknown is frozen as soon as it has settled, then all are searched together.
     """
 
     order: str
@@ -173,14 +174,14 @@ def method_named(
     iterations: int | None = None,
     order: str | None = None,
 ) -> Method:
-    """A method by its name.
+    """Create a method by its name.
 
     Args:
         name: one of `METHODS`.
-        particles: of a swarm; paper 004's N = 80 where not given.
-        iterations: of each of a swarm's searches; paper 004's t_max = 300 where not given, 120 of
-            a single direction.
-        order: of stepwise QPSO, "singular" (where not given) or "settled".
+        particles: of a swarm; by default paper 004's N = 80.
+        iterations: of each search of a swarm; by default paper 004's t_max = 300, or 120 for a
+            single direction.
+        order: of stepwise QPSO, "singular" (default) or "settled".
 
     Raises:
         InputError: no such method, or one that takes no such option.
@@ -217,7 +218,7 @@ def method_named(
 
 
 def _told(residual: Residual, watch: Watch) -> Residual:
-    """The residual, telling how often it is asked."""
+    """The residual with a callback that receives the number of evaluations."""
 
     def of(values: Array) -> Array:
         watch(len(values))

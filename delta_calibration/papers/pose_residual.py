@@ -1,13 +1,13 @@
-"""What measured poses say of a mechanism's geometry, cheap enough for swarms to ask.
+"""Residuals of measured poses as a function of the geometry, cheap enough for swarms.
 
-With joints q_i and measured poses x_i, one step of Newton's method from the measured pose on the
-drawing g_0 gives the pose error without solving the direct problem,
+With joints q_i, measured poses x_i, closure equations f and nominal geometry g_0, one Newton step
+from the measured pose gives the pose error without solving the forward kinematics,
 
     e_i(d) = W_i f_x(q_i, x_i, g_0)^-1 f(q_i, x_i, g_0 + P d),
 
-and it is zero exactly where the machine g_0 + P d stands where it was measured. W weighs positions
-against angles, P puts the free parameters in their places. The error model of paper 004 (6) is its
-slope, e(d) = e(0) - J d: the same sum of squares from p rows instead of n k.
+which is zero exactly if the machine g_0 + P d takes the measured pose. W weights positions against
+angles, P inserts the deviations d of the free parameters. The error model of paper 004 (6) is its
+linearisation, e(d) = e(0) - J d: the same sum of squares from p rows instead of n k.
 """
 
 from __future__ import annotations
@@ -27,23 +27,23 @@ from delta_calibration.papers.swarm import Box, SwarmResult
 Array = NDArray[np.float64]
 
 
-_NONE = 1e-8  # singular values under this share of the largest are none
+_NONE = 1e-8  # singular values under this share of the largest count as zero
 
 Search = Callable[["LinearResidual", Box], SwarmResult]
 
 
 @dataclass(frozen=True)
 class PoseResidual:
-    """Poses of a mechanism measured in its base, (n, k), at joints (n, m)."""
+    """Residual of poses (n, k), measured in the mechanism's base frame at joints (n, m)."""
 
     mechanism: Mechanism
     joint: Array  # (n, m)
     pose: Array  # (n, k), measured
     weight: Array  # (n, k, k): 1/m, 1/rad, or m/rad to compare angles with positions
-    free: NDArray[np.intp]  # (p,) rows of the parameters that may be wrong
+    free: NDArray[np.intp]  # (p,) rows of the free parameters
 
     def __post_init__(self) -> None:
-        """Refuse what does not belong together, and poses too few for so many parameters."""
+        """Refuse arrays that do not fit together, and too few poses for the free parameters."""
         n, k = len(self.joint), self.mechanism.pose_size
         if self.pose.shape != (n, k) or self.weight.shape != (n, k, k):
             raise InputError(
@@ -71,7 +71,7 @@ class PoseResidual:
         return np.asarray(step.reshape(particles, -1))
 
     def __call__(self, deviation: Array) -> Array:
-        """|e|, (K,)."""
+        """Norms |e| for K machines with these deviations, (K,)."""
         return np.asarray(np.linalg.norm(self.errors(deviation), axis=1))
 
     def jacobian(self, deviation: Array) -> Array:
@@ -82,13 +82,13 @@ class PoseResidual:
         return np.asarray(-(self._step @ slope[:, :, self.free]).reshape(-1, len(self.free)))
 
     def linear(self, deviation: Array) -> LinearResidual:
-        """The error model about a deviation (p,)."""
+        """The error model linearised about a deviation (p,)."""
         slope = self.jacobian(deviation)
         return LinearResidual.of(slope, self.errors(deviation[None])[0] + slope @ deviation)
 
     @cached_property
     def _step(self) -> Array:
-        """W f_x^-1 on the drawing, (n, k, r)."""
+        """W f_x^-1 at the nominal geometry, (n, k, r)."""
         nominal = self.mechanism.parameters.nominal
         by_pose = self.mechanism.closure_by_pose(self.joint, self.pose, nominal)
         rows = np.broadcast_to(np.eye(by_pose.shape[1]), (len(by_pose), *2 * by_pose.shape[1:2]))
@@ -97,7 +97,7 @@ class PoseResidual:
 
 @dataclass(frozen=True)
 class LinearResidual:
-    """|J d - e| by the triangle of J: |R d - c|, and what no d explains."""
+    """Norm |J d - e| in reduced form: |R d - c| with J = Q R, and the part that no d changes."""
 
     factor: Array  # R, (p, p)
     target: Array  # c, (p,)
@@ -105,21 +105,21 @@ class LinearResidual:
 
     @classmethod
     def of(cls, slope: Array, error: Array) -> LinearResidual:
-        """From J (rows, p) and e (rows,)."""
+        """Reduce J (rows, p) and e (rows,) by a QR decomposition."""
         basis, factor = np.linalg.qr(slope)
         target = basis.T @ error
         return cls(factor, target, float(np.linalg.norm(error - basis @ target)))
 
     def __call__(self, deviation: Array) -> Array:
-        """(K, p) -> (K,)."""
+        """Norms for K vectors d, (K, p) -> (K,)."""
         left = deviation @ self.factor.T - self.target
         return np.asarray(np.sqrt(np.sum(left**2, axis=1) + self.rest**2))
 
 
 def in_rounds(residual: PoseResidual, box: Box, search: Search, rounds: int) -> SwarmResult:
-    """Search the error model about the drawing, then about what was found, so many times.
+    """Search the error model about the nominal geometry, then again about each result.
 
-    One round is the paper's: what the model leaves out, the squares of the errors, then stays.
+    A single round is the paper's method: it neglects second-order terms of the errors.
 
     Raises:
         DataError: as the search.
@@ -135,10 +135,10 @@ def in_rounds(residual: PoseResidual, box: Box, search: Search, rounds: int) -> 
 
 
 def least_squares(residual: LinearResidual, box: Box) -> SwarmResult:
-    """The least residual at once, for `in_rounds`: Gauss-Newton.
+    """Minimise the error model by linear least squares, for `in_rounds`: Gauss-Newton.
 
-    The box does not bind it, but sets what is near and far: combinations that do not show stay as
-    in its middle.
+    The box is no bound but scales the parameters: combinations that are not identifiable stay at
+    its middle.
     """
     missed = residual.target - residual.factor @ box.middle
     step = np.linalg.lstsq(residual.factor * box.half_width, missed, rcond=_NONE)[0]

@@ -1,14 +1,14 @@
-"""Swarms that set parameters one after the other: paper 004, and the same along singular vectors.
+"""Swarms that search parameters one after the other: paper 004, or along singular vectors.
 
-The paper's way: search all parameters, freeze the first whose best value has settled, begin anew
-with the others, until none is left; then all together from there. Parameters that lean on each
-other settle together, on wrong values.
+The paper's method: search all parameters, freeze the first whose best value has settled, search
+the others again, until none is left; then search all together from there. Strongly correlated
+parameters settle together, on wrong values.
 
 Along the singular vectors of the identification Jacobian J = U S V^T,
 
     |J d - e|^2 = sum_k (s_k c_k - u_k . e)^2 + rest,   d = V c,
 
-no coordinate c_k leans on another: each is found alone, the strongest first.
+the coordinates c_k are uncorrelated: each is searched alone, the strongest first.
 """
 
 from __future__ import annotations
@@ -30,22 +30,22 @@ from delta_calibration.papers.swarm import (
 
 Array = NDArray[np.float64]
 
-_NONE = 1e-8  # singular values under this share of the largest are none
+_NONE = 1e-8  # singular values under this share of the largest count as zero
 
 
 @dataclass(frozen=True)
 class Settled:
-    """When a parameter's best value counts as found.
+    """Rule that decides when a parameter's best value has settled.
 
-    It moved by no more than `tolerance` of its interval in `window` iterations. The paper wants
-    such a rule and does not print it.
+    It has moved by no more than `tolerance` of its interval in `window` iterations. The paper
+    requires such a rule but does not state it.
     """
 
     window: int = 50
     tolerance: float = 1e-3
 
     def __post_init__(self) -> None:
-        """Refuse a rule that nothing or everything meets."""
+        """Refuse a rule that is always or never met."""
         if self.window < 2 or not 0.0 <= self.tolerance < 1.0:
             raise InputError(
                 f"settled in a window of {self.window} within {self.tolerance}: the first has to "
@@ -53,11 +53,11 @@ class Settled:
             )
 
     def moved(self, trace: Array) -> Array:
-        """How far each best value went in the last window, (p,), of its interval, which is 2."""
+        """Range of each best value in the last window, (p,), as a share of its interval, 2."""
         return np.asarray(np.ptp(trace[-self.window :], axis=0) / 2)
 
     def by_any(self, trace: Array) -> bool:
-        """Whether one has settled."""
+        """Whether at least one parameter has settled."""
         return len(trace) >= self.window and bool((self.moved(trace) <= self.tolerance).any())
 
 
@@ -68,7 +68,7 @@ def stepwise(
     rng: np.random.Generator,
     settled: Settled | None = None,
 ) -> SwarmResult:
-    """Parameters one by one, each frozen as soon as it has settled, then all together.
+    """Search parameters one by one, each frozen as soon as it has settled, then all together.
 
     At most p + 1 searches of `settings`.
 
@@ -98,10 +98,10 @@ def stepwise_singular(
     settings: SwarmSettings,
     rng: np.random.Generator,
 ) -> SwarmResult:
-    """One singular direction of the identification Jacobian after the other, the strongest first.
+    """Search along each singular direction of the identification Jacobian, strongest first.
 
-    A direction is searched over the width that the box has along it. Directions that move nothing
-    are left out: what they hold stays in the middle of the box.
+    A direction is searched over the width that the box has along it. Directions with a zero
+    singular value are left out: these combinations stay at the middle of the box.
 
     Args:
         residual: parameters (n, p) to norms (n,).
@@ -130,7 +130,7 @@ def all_singular(
     settings: SwarmSettings,
     rng: np.random.Generator,
 ) -> SwarmResult:
-    """All singular coordinates of the identification Jacobian together; else `stepwise_singular`.
+    """As `stepwise_singular`, but search all singular coordinates together.
 
     Raises:
         DataError: as `minimise`.
@@ -143,7 +143,7 @@ def all_singular(
 
 
 def _among(residual: Residual, place: Array, rows: NDArray[np.intp]) -> Residual:
-    """The residual by some of the parameters, the others held at a place."""
+    """The residual as a function of some parameters, with the others held at `place`."""
 
     def of_some(values: Array) -> Array:
         whole = np.tile(place, (len(values), 1))
@@ -160,7 +160,7 @@ def _directions(jacobian: Array, box: Box) -> Array:
 
 
 def _along(residual: Residual, place: Array, direction: Array) -> Residual:
-    """The residual on a line, by (n, 1) steps."""
+    """The residual along a line, as a function of (n, 1) steps."""
     return lambda c: residual(place + c * direction)
 
 

@@ -1,15 +1,15 @@
-"""Particle swarms that look for the parameters with the least residual: QPSO, PSO, APSO.
+"""Particle swarms that minimise a residual over parameters: QPSO, PSO, APSO.
 
-A swarm asks for the residual's norm only, no derivative; all its particles are evaluated at once.
-Laws by which particles move, in coordinates in which the search box is |x_j| <= 1, with p_i the
-best place that particle i has seen, g the best that any has, r, phi, u uniform in [0, 1]:
+A swarm needs only the residual's norm, no derivative; all its particles are evaluated together.
+Laws of motion of the particles, in coordinates in which the search box is |x_j| <= 1, with p_i the
+best position of particle i so far, g the best of all particles, r, phi, u uniform in [0, 1]:
 
     QPSO   x_i = phi p_i + (1 - phi) g +- a |c - x_i| ln(1/u),  c the mean of all p_i
     PSO    v_i = w v_i + c1 r1 (p_i - x_i) + c2 r2 (g - x_i),   x_i = x_i + v_i
-    APSO   the same, w from the swarm's own diversity
+    APSO   as PSO, with w from the swarm's own diversity
 
-QPSO is paper 004 (11)-(13), the contraction a falling evenly from 1 to 0.5; PSO has w falling
-evenly in the same way; APSO is paper 000 (10)-(14).
+QPSO is paper 004 (11)-(13), with the contraction a falling linearly from 1 to 0.5; PSO has w
+falling linearly as well; APSO is paper 000 (10)-(14).
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ Stop = Callable[[Array], bool]
 
 @dataclass(frozen=True)
 class Box:
-    """Where the parameters are looked for."""
+    """The search box: an interval for each parameter."""
 
     lower: Array  # (p,)
     upper: Array  # (p,)
 
     def __post_init__(self) -> None:
-        """Refuse a box without inside, which no swarm could fill."""
+        """Refuse a box without volume, which no swarm could fill."""
         for j, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if not (np.isfinite([low, high]).all() and low < high):
                 raise InputError(
@@ -51,21 +51,21 @@ class Box:
 
     @classmethod
     def about_zero(cls, half_width: Array) -> Box:
-        """|x_j| <= half_width_j."""
+        """The box |x_j| <= half_width_j, half_width (p,)."""
         return cls(-half_width, half_width)
 
     @property
     def middle(self) -> Array:
-        """(p,)."""
+        """Middle of each interval, (p,)."""
         return (self.lower + self.upper) / 2
 
     @property
     def half_width(self) -> Array:
-        """(p,)."""
+        """Half the width of each interval, (p,)."""
         return (self.upper - self.lower) / 2
 
     def inside(self, scaled: Array) -> Array:
-        """Places (..., p) of the box |x_j| <= 1 in this one."""
+        """Map positions (..., p) from the box |x_j| <= 1 to this box."""
         return self.middle + scaled * self.half_width
 
     def scaled(self, place: Array) -> Array:
@@ -75,21 +75,21 @@ class Box:
 
 @dataclass(frozen=True)
 class Swarm:
-    """n particles in the box |x_j| <= 1."""
+    """State of n particles in the box |x_j| <= 1."""
 
-    x: Array  # (n, p) places
+    x: Array  # (n, p) positions
     v: Array  # (n, p) last moves
-    own: Array  # (n, p) best place of each
+    own: Array  # (n, p) best position of each
     norm: Array  # (n,) residual there
 
     @property
     def leader(self) -> Array:
-        """The best place of all, (p,)."""
+        """Best position of all particles, (p,)."""
         return np.asarray(self.own[np.argmin(self.norm)])
 
 
 class Law(Protocol):
-    """How a swarm moves."""
+    """Law of motion of a swarm."""
 
     def move(self, swarm: Swarm, progress: float, rng: np.random.Generator) -> Array:
         """Next moves (n, p); `progress` goes from 0 to 1 over the search."""
@@ -114,7 +114,7 @@ class Qpso:
 
 @dataclass(frozen=True)
 class Pso:
-    """Inertia falls evenly; speed is bounded by a share of the box's width."""
+    """Standard: inertia falls linearly; speed is bounded by a share of the box's width."""
 
     heaviest: float = 0.9
     lightest: float = 0.4
@@ -123,14 +123,14 @@ class Pso:
     velocity_fraction: float = 0.1
 
     def move(self, swarm: Swarm, progress: float, rng: np.random.Generator) -> Array:
-        """Paper 000 (10) with w by the clock."""
+        """Paper 000 (10) with w as a function of progress."""
         w = self.heaviest + progress * (self.lightest - self.heaviest)
         return _velocity(swarm, w, self.cognitive, self.social, self.velocity_fraction, rng)
 
 
 @dataclass(frozen=True)
 class Apso:
-    """Inertia follows the swarm's diversity along the diagonal of the box."""
+    """Adaptive: inertia follows the swarm's diversity along the diagonal of the box."""
 
     cognitive: float = 2.0
     social: float = 2.0
@@ -145,14 +145,14 @@ class Apso:
 
 @dataclass(frozen=True)
 class SwarmSettings:
-    """How large the swarm is and how long it searches: paper 004's N and t_max."""
+    """Number of particles and iterations (paper 004's N and t_max), and law of motion."""
 
     particles: int = 80
     iterations: int = 300
     law: Law = field(default_factory=Qpso)
 
     def __post_init__(self) -> None:
-        """Refuse settings with which no search can be made."""
+        """Refuse numbers that are not whole or too small."""
         for name, value, least in (
             ("particles", self.particles, 2),
             ("iterations", self.iterations, 1),
@@ -165,12 +165,12 @@ class SwarmSettings:
 
 @dataclass(frozen=True)
 class SwarmResult:
-    """Where a swarm ended."""
+    """Result of a swarm search."""
 
-    best: Array  # (p,)
-    norm: float  # residual there
-    evaluations: int  # of the residual, a particle each
-    history: Array  # (iterations,) least norm so far
+    best: Array  # (p,) best parameters
+    norm: float  # norm of the residual there
+    evaluations: int  # of the residual, one per particle and iteration
+    history: Array  # (iterations,) smallest norm so far
 
 
 def minimise(
@@ -180,17 +180,17 @@ def minimise(
     rng: np.random.Generator,
     start: Array | None = None,
 ) -> SwarmResult:
-    """Search the box for the least residual.
+    """Search the box for the parameters with the smallest residual.
 
     Args:
         residual: parameters (n, p) to norms (n,).
         box: p intervals.
-        settings: size, length, law.
-        rng: source of all chance.
-        start: (p,) where the first particle begins; by chance like the others where not given.
+        settings: number of particles and iterations, law of motion.
+        rng: random generator.
+        start: initial position of the first particle, (p,); random by default, like the others.
 
     Raises:
-        DataError: no particle was ever where the residual exists.
+        DataError: the residual did not exist at any position of any particle.
     """
     return search(residual, box, settings, rng, start)[0]
 
@@ -203,9 +203,10 @@ def search(
     start: Array | None = None,
     stop: Stop | None = None,
 ) -> tuple[SwarmResult, Array]:
-    """As `minimise`, with the best place after each iteration, (iterations, p), and an early end.
+    """As `minimise`, but returns the best position after each iteration too, and may stop early.
 
-    `stop` and what is returned see the places in coordinates in which the box is |x_j| <= 1.
+    `stop` receives, and the second result holds, positions (iterations, p) in coordinates in which
+    the box is |x_j| <= 1.
 
     Raises:
         DataError: as `minimise`.
@@ -234,7 +235,7 @@ def search(
 
 
 def _judged(swarm: Swarm, norm: Array) -> Swarm:
-    """Each particle remembers its place if it is its best so far; NaN is never remembered."""
+    """Update the best position of each particle; a NaN residual never counts as better."""
     better = norm < swarm.norm
     own = np.where(better[:, None], swarm.x, swarm.own)
     return Swarm(swarm.x, swarm.v, own, np.where(better, norm, swarm.norm))
@@ -243,7 +244,7 @@ def _judged(swarm: Swarm, norm: Array) -> Swarm:
 def _velocity(
     swarm: Swarm, w: float, own: float, social: float, most: float, rng: np.random.Generator
 ) -> Array:
-    """Paper 000 (10), bounded by `most` of the box's width, which is 2."""
+    """Moves by paper 000 (10), bounded by the share `most` of the box's width, which is 2."""
     r1, r2 = rng.random((2, *swarm.x.shape))
     pull = own * r1 * (swarm.own - swarm.x) + social * r2 * (swarm.leader - swarm.x)
     return np.asarray(np.clip(w * swarm.v + pull, -2.0 * most, 2.0 * most))

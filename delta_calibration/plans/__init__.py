@@ -1,8 +1,8 @@
-"""Measurement plans: where to stop, from which side, with what load, and the motion between.
+"""Measurement plans: stops with side of approach and payload, and the motion between them.
 
-A plan is a list of stops and, after them, paths that are measured in motion. `legs` turns it
-into joint angles over time: a minimum-jerk move to a point short of each stop, another into it, a
-dwell.
+A plan is a list of stops and, after them, paths that are measured in motion. `legs` converts it to
+joint angles over time: a minimum-jerk move to a point short of each stop, a second move into it,
+and a dwell.
 """
 
 from delta_calibration.plans.motion import Leg, MotionPath, Plan, legs

@@ -1,7 +1,7 @@
-"""What can be varied at the stops of a plan, and what of it moves the readings.
+"""Conditions that a plan can vary at its stops, and which of them influence the readings.
 
-Found out, not listed: the side of the approach, the payload, the warmth and the motion are varied
-where the columns of a cause change with them.
+This is computed, not listed: side of approach, payload, temperature and motion are varied if the
+columns of a cause in the Jacobian change with them.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from delta_calibration.plans.motion import APPROACH, MotionPath
 
 Array = NDArray[np.float64]
 
-_SENSORS = ("arm", "base")  # where nothing was measured before
+_SENSORS = ("arm", "base")  # temperature sensors if nothing was measured before
 _AMBIENT = 20.0  # [deg C]
-# Warming up for an hour, then cooling for another: [s] and [K] above the beginning.
+# Warming up for an hour, then cooling for another: time [s] and temperature rise [K].
 SLOTS = ((0.0, 0.0), (1800.0, 7.0), (3600.0, 10.0), (5400.0, 4.0), (7200.0, 1.5))
 _WARMEST = 2
-_MATTERS = 1e-6  # share of a column by which it changes
-_SPEED, _ACCELERATION = 0.5, 5.0  # [rad/s], [rad/s^2] of a Delta's brisk motion
-_ALONG = 48  # samples of a path that are looked at
+_MATTERS = 1e-6  # a smaller relative change of the columns counts as none
+_SPEED, _ACCELERATION = 0.5, 5.0  # [rad/s], [rad/s^2] of a Delta's fast motion
+_ALONG = 48  # samples of a path that are evaluated
 
 
 @dataclass(frozen=True)
 class StopConditions:
     """Conditions of a stop that a plan can choose."""
 
-    side: float = 1.0  # +1 or -1
+    side: float = 1.0  # +1 or -1, side of approach
     payload: float = 0.0  # [kg]
-    slot: int = 0  # of the warming and cooling
+    slot: int = 0  # index into SLOTS: time in the warm-up and cooling
 
 
 PLAIN = StopConditions()
@@ -45,30 +45,30 @@ PLAIN = StopConditions()
 
 @dataclass(frozen=True)
 class Bench:
-    """Where a plan begins: the clock, and the temperatures of the sensors that there are."""
+    """Initial conditions of a plan: time, and temperatures of the available sensors."""
 
     begin: float  # [s]
     sensors: tuple[str, ...]
-    celsius: Array  # (parts,)
-    joint_size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
+    celsius: Array  # (parts,) [deg C]
+    joint_size: float = 1.0  # [rad or m] joint motion that corresponds to one radian of a Delta
 
     @classmethod
     def after(cls, measured: LinearizedModel | None, joint_size: float = 1.0) -> Bench:
-        """After what was measured; with the usual sensors where that is nothing."""
+        """Begin at the end of a measured session; without one, with the usual sensors."""
         if measured is None:
             return cls(0.0, _SENSORS, np.full(len(_SENSORS), _AMBIENT), joint_size)
         at = measured.at
         return cls(float(at.time.max()), at.temperature_parts, at.temperature[0], joint_size)
 
     def course(self, joint: Array) -> Conditions:
-        """All that the clock and the sensors go through, at one pose (m,)."""
+        """Conditions at one pose (m,) over the whole course of warm-up and cooling."""
         return self.stops(
             np.tile(joint, (len(SLOTS), 1)),
             [StopConditions(slot=slot) for slot in range(len(SLOTS))],
         ).at
 
     def stops(self, joint: Array, levels: Sequence[StopConditions]) -> Samples:
-        """Stops at joints (n, m) under conditions (n)."""
+        """Samples of stops at joints (n, m) under n conditions."""
         course = np.array([SLOTS[level.slot] for level in levels]).reshape(-1, 2)
         at = replace(
             at_rest(joint),
@@ -83,11 +83,11 @@ class Bench:
         return Samples(at, np.full(len(joint), AT_REST))
 
     def plain(self, joint: Array) -> Samples:
-        """Stops at joints (n, m) under the usual conditions."""
+        """Samples of stops at joints (n, m) under the default conditions."""
         return self.stops(joint, [PLAIN] * len(joint))
 
     def motion(self, path: MotionPath) -> Samples:
-        """A path as it is driven, at even steps of time."""
+        """Samples of a path in motion, at equal time steps."""
         step = path.duration / (len(path.joint) - 1)
         velocity = np.gradient(path.joint, step, axis=0)
         acceleration = np.gradient(velocity, step, axis=0)
@@ -105,12 +105,12 @@ class Bench:
     def levels(
         self, columns: Callable[[Samples], Array], joint: Array, payload: float
     ) -> tuple[StopConditions, ...]:
-        """All combinations of what changes the columns.
+        """All combinations of the conditions that change the columns.
 
         Args:
-            columns: of samples under some conditions, (3 n, k).
-            joint: where it is tried, (n, m) [rad].
-            payload: that can be put on the platform [kg].
+            columns: returns the columns of a cause, (3 n, k), for samples.
+            joint: joints at which the conditions are tried, (n, m) [rad or m].
+            payload: mass that can be put on the platform [kg].
         """
 
         def under(level: StopConditions) -> Array:
@@ -132,7 +132,7 @@ class Bench:
         at = replace(
             still.at,
             velocity=np.full(joint.shape, _SPEED * self.joint_size),
-            # not the same for all joints
+            # different for each joint
             acceleration=_ACCELERATION * self.joint_size * np.cos(joint / self.joint_size),
         )
         moving = replace(still, at=at)

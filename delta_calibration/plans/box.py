@@ -1,4 +1,4 @@
-"""The box that a machine can be measured in, found from its dimensions and limits alone."""
+"""Searches for the box in which a machine can be measured, from its dimensions and limits."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
 
-_DRAWS = 11  # of the joints' ranges, as a power of two
-_FLAT = 1e-6  # [m] extent of the tool's places along an axis, under which there is none
-_WIDE = 0.7  # share of the places whose extents give the proportions of the boxes tried
-_SHAPES = (0.5, 1.0, 2.0)  # times those, each axis by itself
+_DRAWS = 11  # joint vectors drawn, as a power of two
+_FLAT = 1e-6  # [m] a smaller extent of the tool points along an axis counts as none
+_WIDE = 0.7  # central share of the tool points; its extents give the proportions of the boxes
+_SHAPES = (0.5, 1.0, 2.0)  # factors on those extents, for each axis separately
 _CENTRES = 12
-_HALVINGS = 6  # of the size of a box: to 2 % of the largest
+_HALVINGS = 6  # bisections of the size of a box: to 2 % of the largest
 _LATTICE = 4  # points of a box along each edge that have to be usable
-_MOST = 10.0  # [m] of a side, and of a centre from the base, that a robot file may have
+_MOST = 10.0  # [m] largest side, and distance of a centre from the base, in a robot file
 _STEP = 0.01  # [m] that sides and centres are rounded to
-_BETTER = 1.05  # times the box before: places are drawn by lot, and the middle comes first
-_EDGES = tuple(_MOST / 2**k for k in range(6))  # [m] of cubes about a place
-_FEWEST = 20  # usable places of those drawn
+_BETTER = 1.05  # gain in volume for a new box: points are random, and the middle is preferred
+_EDGES = tuple(_MOST / 2**k for k in range(6))  # [m] of cubes about a point
+_FEWEST = 20  # usable points needed of those drawn
 
 
 def largest_box(robot: Robot) -> Workspace:
-    """About the largest box whose points the tool can be measured at without turning.
+    """Find about the largest box in which the tool can be measured without rotation.
 
-    Tool points of joints all over their ranges are the centres tried; a box counts if a lattice
-    of its points is within reach and limits and away from singularities.
+    Centres are tried among tool points from all over the joint ranges; a box is usable if a
+    lattice of its points is within reach and limits and away from singularities.
 
     Args:
         robot: its dimensions, limits and tool.
 
     Raises:
-        InputError: there is hardly a place that it can be measured at.
+        InputError: hardly any tool point is usable.
     """
     places = _places(robot)
     deep = np.ptp(places, axis=0) >= _FLAT
@@ -59,17 +59,18 @@ def largest_box(robot: Robot) -> Workspace:
 
 
 def written(box: Workspace) -> dict[str, list[float]]:
-    """As a robot file has it, to the millimetre."""
+    """The entries of a robot file for a box, rounded to the millimetre."""
     of = {"centre_mm": box.centre, "size_mm": box.size}
     return {key: (np.round(1e3 * value) + 0.0).tolist() for key, value in of.items()}  # no -0.0
 
 
 def _places(robot: Robot) -> Array:
-    """Tool points (n, 3) [m] that are usable, of joints evenly over their ranges.
+    """Usable tool points (n, 3) [m] of joint vectors spread evenly over the joint ranges.
 
-    Cables do not meet at lengths that are drawn each by itself: points about one where they do.
+    Cable lengths drawn independently do not meet in one point, so for cables the points are drawn
+    about one point where they do.
     """
-    from scipy.stats import qmc  # takes long to load, and `robot check` draws no box
+    from scipy.stats import qmc  # slow to load, and `robot check` needs no box
 
     joints = robot.joints
     share = qmc.Sobol(len(joints.names), scramble=False).random_base2(_DRAWS)
@@ -87,24 +88,24 @@ def _places(robot: Robot) -> Array:
 
 
 def _centres(places: Array) -> Array:
-    """Centres of boxes that are tried, (k, 3) [m]: from low to high in the middle, and aside."""
+    """Candidate centres of boxes, (k, 3) [m]: along the vertical middle line, and off it."""
     middle = np.median(places, axis=0)
     height = np.quantile(places[:, 2], (np.arange(_CENTRES) + 0.5) / _CENTRES)
     upright = np.column_stack([np.tile(middle[:2], (_CENTRES, 1)), height])
-    aside = places[:: len(places) // _CENTRES]  # of an arm the middle is inside itself
+    aside = places[:: len(places) // _CENTRES]  # the middle of an arm's range is inside the arm
     centres = np.round(np.concatenate([upright, aside]) / _STEP) * _STEP
     centres = np.where(np.ptp(places, axis=0) < _FLAT, middle, centres)
     return np.asarray(centres[np.abs(centres).max(axis=1) <= _MOST])
 
 
 def _share(robot: Robot, centre: Array, size: Array, least: float) -> float:
-    """The largest share of a box about a centre that is usable throughout; 0 under `least`."""
+    """Largest scale, 0 to 1, at which the box about a centre is usable; 0 if under `least`."""
     edge = np.linspace(-0.5, 0.5, _LATTICE)
     lattice = np.unique(np.array(list(product(edge, repeat=3))) * size, axis=0)
     corner = (np.abs(lattice) == np.abs(lattice).max(axis=0)).all(axis=1)
 
     def good(share: float) -> bool:
-        """Whether all of it is usable; its corners first, as what is out of reach is so there."""
+        """Whether all points are usable; corners first, as they are the first out of reach."""
         parts = (share * each for each in (lattice[corner], lattice[~corner], 0 * size[None]))
         return all(usable(robot, centre + part).all() for part in parts)
 

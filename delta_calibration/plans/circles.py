@@ -1,8 +1,8 @@
-"""The circle test: circles in up to three planes, both senses, two feeds, and stops on them.
+"""Plan of the circle test: circles in up to three planes, both senses, two feeds, with stops.
 
-The planes are those of two axes of the base, through the middle of where the machine works. Stops
-on the circles show how well the machine repeats at rest; without them a cause could not be told
-from noise.
+Each plane is spanned by two axes of the base and passes through the middle of the workspace. Stops
+on the circles show the repeatability at rest; without them a cause could not be distinguished from
+noise.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 STOPS = 36  # on all circles together
-_ROUNDS = 3  # circles that are driven at least, in both senses at both feeds
-_AGAIN = 3  # every so many-th stop is visited once more
-_TURNS_S = (18.0, 6.0)  # [s] of a turn at the two feeds
-_RUN = np.radians(30.0)  # before and after the turn: to come up to the feed, and down
+_ROUNDS = 3  # least number of circles that are driven, each in both senses at both feeds
+_AGAIN = 3  # every third stop is visited a second time
+_TURNS_S = (18.0, 6.0)  # [s] duration of a turn at the two feeds
+_RUN = np.radians(30.0)  # angle before and after the turn, to accelerate and to brake
 _STEP = np.radians(0.45)  # between points of the command path
 _SIZES = 60  # radii that are tried
-_AROUND = 72  # directions in which each is tried
-_LEAST = 0.1  # of the widest radius, that a circle is worth measuring at
+_AROUND = 72  # points of a circle that have to be usable
+_LEAST = 0.1  # smallest circle that is measured, as a share of the widest radius
 _SENSES = {"anticlockwise": 1.0, "clockwise": -1.0}
 
 
@@ -40,14 +40,14 @@ def circles(
     radius: float,
     payload: float,
 ) -> Plan:
-    """The plan `circles`.
+    """Make the plan `circles`.
 
     Args:
-        robot: decides which planes and radii are reached.
-        count: of stops on each circle; as many as make 36 where not given.
+        robot: decides which planes and radii are in reach.
+        count: stops on each circle; by default 36 on all circles together.
         dwell: at each stop [s].
-        sides: from which each stop is come to, +1 or -1.
-        radius: largest one, where the robot file states no workspace [m].
+        sides: sides from which each stop is approached, +1 or -1.
+        radius: largest radius if the robot file states no workspace [m].
         payload: on the platform [kg].
 
     Raises:
@@ -76,7 +76,7 @@ def circles(
     ]
     places = np.concatenate([*targets, *(each[::_AGAIN] for each in targets)])
     joint = points.nominal_joints(robot, places, payload=payload)
-    if robot.workspace is not None:  # not all of a point is a choice of every mechanism
+    if robot.workspace is not None:  # not every mechanism commands all coordinates of a point
         places = points.tool_points(robot, joint)
     direction = np.tile(sides, len(places))
     places, joint = (np.repeat(each, len(sides), axis=0) for each in (places, joint))
@@ -85,7 +85,7 @@ def circles(
 
 
 def _room(robot: Robot, radius: float) -> tuple[Array, Array]:
-    """Middle of the circles, and the largest radius along x, y and z, two (3,) [m]."""
+    """Centre of the circles, and the largest radius along x, y and z, (3,) each [m]."""
     if robot.workspace is not None:
         return np.asarray(robot.workspace.centre), np.asarray(robot.workspace.size) / 2
     return np.array([0.0, 0.0, points.PLANE - 0.05]), np.full(3, radius)
@@ -94,7 +94,7 @@ def _room(robot: Robot, radius: float) -> tuple[Array, Array]:
 def _largest(
     robot: Robot, centre: Array, plane: tuple[int, int], widest: float, payload: float
 ) -> float | None:
-    """The largest radius at which the whole circle can be driven [m]; none in a flat workspace."""
+    """Largest radius at which the whole circle is usable [m]; None if there is none."""
     turn = 2 * np.pi * np.arange(_AROUND) / _AROUND
     for size in widest * np.linspace(1.0, _LEAST, _SIZES) if widest > 0 else ():
         round_it = _around(centre, plane, float(size), turn)
@@ -106,7 +106,7 @@ def _largest(
 def _paths(
     robot: Robot, centre: Array, plane: tuple[int, int], size: float, payload: float
 ) -> Iterator[MotionPath]:
-    """One circle in both senses at both feeds, each with a run before and after the turn."""
+    """Paths of one circle in both senses at both feeds, with a run-in and a run-out each."""
     whole = 2 * np.pi + 2 * _RUN
     name = "".join("xyz"[axis] for axis in plane)
     turn = np.linspace(-_RUN, 2 * np.pi + _RUN, int(np.ceil(whole / _STEP)) + 1)

@@ -14,32 +14,32 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-APPROACH = 0.01  # [rad] before a stop, where each joint turns round so that play is taken up
+APPROACH = 0.01  # [rad] before a stop, where each joint reverses so that backlash is taken up
 _JERK_PEAK = 1.875  # peak over mean speed of a minimum-jerk move
 _LEAST_MOVE = 0.05  # [s]
-_ACCELERATION = 5.0  # [rad/s^2] of a Delta's joints, coming up to a path's speed and stopping
+_ACCELERATION = 5.0  # [rad/s^2] of a Delta's joints at the beginning and the end of a path
 
 
 @dataclass(frozen=True)
 class MotionPath:
-    """A way that is measured in motion: nominal joints at a constant time step.
+    """A path that is measured in motion: nominal joints at a constant time step.
 
-    It begins and ends at rest: the ways up to speed and down from it come on top of the duration.
+    It begins and ends at rest: acceleration and braking add to the duration.
     """
 
     name: str
-    joint: Array  # (k, m) [rad]
+    joint: Array  # (k, m) [rad or m]
     duration: float  # [s]
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Stops in the order they are taken, then paths."""
+    """A measurement plan: stops in their order, then paths."""
 
     name: str
     target: Array  # (n, 3) [m] nominal tool point in the base
-    joint: Array  # (n, m) [rad] nominal
-    direction: Array  # (n,) +1 or -1: the side each joint comes from
+    joint: Array  # (n, m) [rad or m] nominal
+    direction: Array  # (n,) +1 or -1: the side from which all joints approach
     payload: Array  # (n,) [kg]
     dwell: float  # [s] at each stop
     paths: tuple[MotionPath, ...] = ()
@@ -50,27 +50,27 @@ class Plan:
 
 @dataclass(frozen=True)
 class Leg:
-    """One piece of a trajectory: a stop with the way to it, or a path."""
+    """One section of a trajectory: the move to a stop and the dwell there, or a path."""
 
-    time: Array  # (k,) [s] from the leg's begin
-    joint: Array  # (k, m) [rad]
-    resting: NDArray[np.bool_]  # (k,) whether the command stands still
+    time: Array  # (k,) [s] since the beginning of the leg
+    joint: Array  # (k, m) [rad or m]
+    resting: NDArray[np.bool_]  # (k,) whether the command is at rest
     payload: float  # [kg]
 
     @property
     def started(self) -> NDArray[np.bool_]:
-        """Samples since the first in motion, (k,): before, joints stand as they came."""
+        """Whether motion has begun at each sample, (k,): before, joints hold their last value."""
         off = (self.joint != self.joint[0]).any(axis=1)
         return np.asarray(np.logical_or.accumulate(off))
 
     @property
     def moving(self) -> NDArray[np.bool_]:
-        """Samples in motion, (k,): the first sample of a move stands, it begins softly."""
+        """Whether each sample is in motion, (k,): the first of a move is still at rest."""
         return np.asarray(self.started & ~self.resting)
 
 
 def legs(plan: Plan, robot: Robot, rate: float, start: Array | None = None) -> Iterator[Leg]:
-    """The plan as motion, sampled at `rate` [1/s]: one leg for each stop, one for each path."""
+    """Convert a plan to motion, sampled at `rate` [1/s]: one leg per stop; two per path."""
     here = plan.joint[0] if start is None else start
     for row in range(len(plan)):
         goal = plan.joint[row]
@@ -92,7 +92,7 @@ def _leg(ways: list[Array], robot: Robot, rate: float, dwell: float, payload: fl
 
 
 def _path_leg(path: MotionPath, robot: Robot, rate: float, dwell: float, payload: float) -> Leg:
-    """A path at its own pace, slower where a joint would else exceed its speed."""
+    """Leg of a path in its own duration, or slower if a joint would exceed its speed limit."""
     widest = float(np.abs(np.diff(path.joint, axis=0)).max()) * (len(path.joint) - 1)
     duration = max(path.duration, widest / robot.joints.speed)
     ramp = min(widest / duration / (_ACCELERATION * robot.commanded.joint_size), duration)
@@ -107,7 +107,7 @@ def _path_leg(path: MotionPath, robot: Robot, rate: float, dwell: float, payload
 
 
 def _trapezoid(time: Array, ramp: float) -> Array:
-    """Share of a way that is behind at times from 0 on; constant speed between two ramps."""
+    """Share of a path covered at times from 0 on, with constant speed between two ramps."""
     if ramp == 0:
         return np.asarray(time / time[-1])
     whole = time[-1] - ramp
@@ -117,7 +117,7 @@ def _trapezoid(time: Array, ramp: float) -> Array:
 
 
 def _short_of(goal: Array, direction: float, robot: Robot) -> Array:
-    """Where the joints turn round before a stop, (m,)."""
+    """Joints at which the motion reverses before a stop, (m,) [rad or m]."""
     model = robot.commanded
     back = -direction * APPROACH * model.joint_size * np.ones_like(goal)
     if model.joints != model.task_size:
@@ -126,7 +126,7 @@ def _short_of(goal: Array, direction: float, robot: Robot) -> Array:
 
 
 def _together(model: Mechanism, joint: Array, way: Array) -> Array:
-    """Joints (n, m) moved by nearly `way` (n, m), so that all of them still fit one pose."""
+    """Joints (n, m) moved by about `way` (n, m), such that all of them still belong to a pose."""
     nominal = model.parameters.nominal
     x = model.forward(joint, nominal)
     slope = model.velocity_jacobian(joint, x, nominal)
@@ -135,9 +135,9 @@ def _together(model: Mechanism, joint: Array, way: Array) -> Array:
 
 
 def _between(begin: Array, end: Array, share: Array, robot: Robot) -> Array:
-    """Joints part of the way, (k, m).
+    """Joints at shares (k,) of the way from begin to end, (k, m).
 
-    Straight in the joints, or in the pose where more joints than freedoms must keep together.
+    Straight in joint space, or in the pose if there are more joints than degrees of freedom.
     """
     model, nominal = robot.commanded, robot.commanded.parameters.nominal
     if model.joints == model.task_size:
@@ -147,7 +147,7 @@ def _between(begin: Array, end: Array, share: Array, robot: Robot) -> Array:
 
 
 def _minimum_jerk(begin: Array, end: Array, robot: Robot, rate: float) -> Array:
-    """Joints of a move that starts and ends softly, the end itself left out, (k, m)."""
+    """Joints of a minimum-jerk move, without the end point itself, (k, m)."""
     way = float(np.abs(end - begin).max())
     duration = max(way * _JERK_PEAK / robot.joints.speed, _LEAST_MOVE)
     tau = np.arange(max(int(np.ceil(duration * rate)), 1)) / np.ceil(duration * rate)

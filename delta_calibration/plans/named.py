@@ -1,4 +1,4 @@
-"""The plans by name."""
+"""Makes the measurement plans by their names."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 PLANS = ("line", "disc", "iso9283", "identify", "circles", "rich")
-_FINE = 801  # points of a path: on the circle the straight lines between stay within 1 um
+_FINE = 801  # points of a path: straight lines between them leave the circle by less than 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 
 
@@ -33,32 +33,32 @@ def make_plan(
     payload: float = 0.0,
     seed: int = 0,
 ) -> Plan:
-    """A plan by name, or one from a CSV file: tool points x_mm, y_mm, z_mm, and what they want.
+    """Make a plan by name, or read one from a CSV file (see `plan_file.py`).
 
     Args:
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
             `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
-            (all that a diagnosis wants), `circles` (the circle test of ten minutes), or the path
+            (everything a diagnosis needs), `circles` (the circle test of ten minutes), or the path
             of a CSV file.
-        robot: decides what can be reached.
-        count: of different points; each plan has its own usual number. Cycles, for `iso9283`;
-            stops on each circle, for `circles`.
+        robot: decides which points are in reach.
+        count: number of different points, cycles (`iso9283`) or stops on each circle (`circles`);
+            each plan has its own default.
         dwell: at each stop [s].
-        both_sides: each point from both sides, one after the other; a file may say otherwise.
-        radius: of the disc and of the part of the workspace that is covered [m].
-        payload: on the platform [kg], where a file does not say; the second one, for `rich`.
-        seed: of the order and of what is drawn.
+        both_sides: approach each point from both sides in turn, unless a file states the side.
+        radius: of the disc and of the covered part of the workspace [m].
+        payload: on the platform [kg], unless a file states it; the second payload, for `rich`.
+        seed: seed of the random points and of the order.
 
     Raises:
         InputError: no such plan or file, a file of another form, or a count below 1.
-        ReachError: a point out of the robot's reach or joint limits, or at which what is on the
-            platform is not borne.
+        ReachError: a point out of the robot's reach or joint limits, or where cables cannot carry
+            the load on the platform.
     """
     if count is not None and count < 1:
         raise InputError(f"count is {count}; it has to be at least 1")
     cycles = count or 30 if name_or_csv == "iso9283" else 0
     if cycles:
-        both_sides = False  # the standard's cycle fixes the way into each pose
+        both_sides = False  # the standard's cycle fixes the approach to each pose
     sides = (1.0, -1.0) if both_sides else (1.0,)
     try:
         if name_or_csv.lower().endswith(".csv"):
@@ -74,7 +74,7 @@ def make_plan(
         rng = np.random.default_rng(seed)
         targets, turns = _places(name_or_csv, robot, count, radius, rng)
         joint = points.nominal_joints(robot, targets, turns, payload)
-        if robot.workspace is not None:  # not all of a point is a choice of every mechanism
+        if robot.workspace is not None:  # not every mechanism commands all coordinates of a point
             targets = points.tool_points(robot, joint)
     except ReachError as error:
         raise ReachError(f"plan {name_or_csv}: {error}") from error
@@ -88,14 +88,14 @@ def make_plan(
 def _places(
     name: str, robot: Robot, count: int | None, radius: float, rng: np.random.Generator
 ) -> tuple[Array, Array | None]:
-    """Tool points of a plan, and turns of the platform; the Delta paper's without a workspace."""
+    """Tool points of a plan, and rotations; the Delta paper's if the robot has no workspace."""
     if robot.workspace is not None:
         return workspace.places(name, robot, robot.workspace, count, rng)
     return _POINTS[name](robot, count, radius, rng), None
 
 
 def _iso9283_paths(robot: Robot, cycles: int, payload: float) -> tuple[MotionPath, ...]:
-    """The standard's line and large circle, each so many times."""
+    """The standard's line and large circle, `cycles` times each."""
     cube = workspace.cube_of(robot)
     ways = {"line": cube.line(stations=_FINE), "circle": cube.circle(stations=_FINE)}
     joints = {
@@ -115,7 +115,7 @@ def _iso9283_paths(robot: Robot, cycles: int, payload: float) -> tuple[MotionPat
 def _rich(
     robot: Robot, count: int, dwell: float, radius: float, payload: float, seed: int
 ) -> Plan:
-    """Poses from both sides with two payloads, shuffled; repeats; sweeps; circles both ways."""
+    """Make the plan `rich`: poses from both sides, two payloads, repeats, sweeps, circles."""
     rng = np.random.default_rng(seed)
     places, turns = _places("identify", robot, count, radius, rng)
     each = np.array([(row, side) for row in range(count) for side in (1, -1)])
@@ -142,10 +142,10 @@ def _rich(
 
 
 def motion_paths(robot: Robot, payload: float = 0.0) -> tuple[MotionPath, ...]:
-    """A slow sweep of each joint, and a circle at three speeds both ways round.
+    """A slow sweep of each joint, and a circle at three speeds in both senses.
 
     Raises:
-        ReachError: one of them leads out of reach, or where the payload [kg] is not borne.
+        ReachError: a path leaves the reach, or cables cannot carry the payload [kg] on it.
     """
     if robot.workspace is not None:
         return workspace.paths(robot, robot.workspace, payload)

@@ -1,13 +1,13 @@
-"""D-optimal measurement: the stops that tell the most about what is asked.
+"""D-optimal pose selection: the stops with the most information about the wanted parameters.
 
-With A_i the whitened rows of stop i, M = M_0 + sum_i A_i' A_i their information and M_0 that of
-the priors (and of what was measured before), the stops are chosen for the largest
+With A_i the whitened rows of stop i in the Jacobian, M = M_0 + sum_i A_i' A_i the information
+matrix and M_0 that of the priors (and of earlier measurements), the stops maximise
 
-    log det M                   of everything, for a fit
-    log det M - log det M_n     of what is asked beside nuisance n (D_s-optimal), for a contrast
+    log det M                   for all parameters, for a fit
+    log det M - log det M_n     for some beside nuisance parameters n (D_s-optimal), for a contrast
 
-first one after the other, then by exchanges (Fedorov) until none gains. By Sylvester's identity a
-stop adds log det(1 + A_i M^-1 A_i'), a 3 x 3 determinant.
+They are chosen one after the other, then exchanged (Fedorov) until no exchange improves. By
+Sylvester's identity a stop adds log det(1 + A_i M^-1 A_i'), a 3 x 3 determinant.
 """
 
 from __future__ import annotations
@@ -45,16 +45,16 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_TRACKER = 3.0  # [m] of the tracker from the base, where nothing is known
+_TRACKER = 3.0  # [m] assumed distance of the tracker from the base
 _READINGS = 20  # averaged at a stop
 _ON_PATH = 4  # averaged on a path
-WEAK = 1e-6  # precision of what has no prior: the frame, to a metre
+WEAK = 1e-6  # precision of unknowns without prior: the frame, to a metre
 _CANDIDATES = 2000
 _ON_THE_WAY = 10  # steps from home to a pose
-_SAME = 1e-6  # [m, rad] by which poses may differ
-_DRAWS = 20  # of as many candidates as are needed
-_PASSES = 8  # of exchanges
-_GAIN = 1e-6  # of an exchange worth making
+_SAME = 1e-6  # [m, rad] by which equal poses may differ
+_DRAWS = 20  # draws at most, each of as many candidates as are needed
+_PASSES = 8  # rounds of exchanges at most
+_GAIN = 1e-6  # least gain of an exchange
 _RANDOM = 20  # random plans to compare with
 
 
@@ -65,14 +65,14 @@ def choose(
     asked: int,
     follow: Callable[[range], Iterable[int]] = iter,
 ) -> Index:
-    """The stops that tell the most, each at most once, (count,).
+    """Rows of the most informative stops, each at most once, (count,).
 
     Args:
-        rows: whitened, of each candidate, (N, d, P).
-        start: information that is there already, (P, P), positive definite.
-        count: of stops.
-        asked: the last so many of the P columns are what is asked about; P for all.
-        follow: is handed the steps and hands them on; for a progress bar.
+        rows: whitened rows of the Jacobian for each of N candidates, (N, d, P).
+        start: information matrix before these stops, (P, P), positive definite.
+        count: number of stops.
+        asked: number of wanted parameters, the last of the P columns; P for all.
+        follow: iterates over the steps; for a progress bar.
     """
     chosen: list[int] = []
     information = start.copy()
@@ -98,7 +98,7 @@ def choose(
 
 
 def _gains(rows: Array, information: Array, asked: int) -> Array:
-    """What each candidate adds to the criterion, (N,)."""
+    """Gain in the criterion by each candidate, (N,)."""
     size = len(information)
     gains = _log_det(rows, information)
     if asked < size:
@@ -113,11 +113,11 @@ def _log_det(rows: Array, information: Array) -> Array:
 
 
 def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Foresight:
-    """What stops would tell of a robot, with the noise of its file.
+    """Prediction of the information from stops of a robot, with the noise of its file.
 
     Args:
-        robot: drawing, tolerances, noise.
-        known: chain and theta of a calibration; where not given, the drawing with the tracker
+        robot: nominal dimensions, tolerances, noise.
+        known: chain and theta of a calibration; by default the nominal robot with the tracker
             three metres away.
     """
     if known is None:
@@ -137,13 +137,13 @@ def foresight_of(robot: Robot, known: tuple[Chain, Array] | None = None) -> Fore
 
 
 def drawn_theta(chain: Chain) -> Array:
-    """The drawing with the tracker three metres away, (P,)."""
+    """Theta of the nominal robot with the tracker three metres away, (P,)."""
     place = Frame(np.eye(3), np.array([_TRACKER, 0.0, 0.0]))
     return chain.join(chain.mechanism.parameters.nominal, chain.offset, place)
 
 
 def unmeasured(chain: Chain, theta: Array) -> Problem:
-    """The problem of fitting a chain about theta, (P,), before anything is measured."""
+    """The fit problem of a chain about theta, (P,), without any measurement."""
     nowhere, none = np.zeros((0, chain.mechanism.joints)), np.zeros((0, 3))
     measured = Measured(PointMeasured(nowhere, none, None, 1.0), at_rest(nowhere))
     return build_problem(chain, measured, theta)
@@ -151,14 +151,14 @@ def unmeasured(chain: Chain, theta: Array) -> Problem:
 
 @dataclass(frozen=True)
 class FiledNoise:
-    """Whitening of stops and of readings in motion by the noise that the robot's file states."""
+    """Whitening of stops and of readings in motion with the noise of the robot's file."""
 
     robot: Robot
     chain: Chain
     theta: Array
 
     def __call__(self, samples: Samples, x: Array) -> Array:
-        """(n, 3, 3) [1/m]."""
+        """Whitening matrices of samples at poses x (n, k), (n, 3, 3) [1/m]."""
         at, joints = samples.at, self.robot.joints
         noise = Noise(1.0, 1.0, joints.repeatability, 0.0, 0, False)
         seen = self.chain.see(at, self.theta, x)
@@ -178,24 +178,24 @@ def candidates(
     payloads: Sequence[float] = (0.0,),
     follow: Callable[[range], Iterable[int]] = iter,
 ) -> Array:
-    """Joints spread over all poses that the robot is made for, (count, m) [rad or m].
+    """Candidate joints spread over all poses that the robot can take, (count, m) [rad or m].
 
-    Those of the file's workspace and the turns allowed there; where it states none, all that the
-    joints can take and, put together as at home, come to. Within the limits of the joints, with
-    room for the way into a stop, and where the drawing is well conditioned: that also bounds how
-    far ball joints are turned. Cables are taut with each of the payloads.
+    The poses are those of the file's workspace with the rotations allowed there; without a
+    workspace, those of joint vectors all over their ranges, in the assembly mode of home. All are
+    within the joint limits, with room for the approach to a stop, and well conditioned, which also
+    bounds the rotation of ball joints. Cables are taut with each of the payloads.
 
     Args:
-        robot: limits and drawing.
-        count: of poses.
-        radius: of the tool from the axis [m]; None for no limit.
-        rng: decides which ones.
-        payloads: that will be on the platform [kg].
-        follow: is handed the steps and hands them on; for a progress bar.
+        robot: limits and nominal dimensions.
+        count: number of poses.
+        radius: largest distance of the tool from the axis [m]; None for no limit.
+        rng: source of the random draws.
+        payloads: payloads of the plan [kg].
+        follow: iterates over the steps; for a progress bar.
 
     Raises:
-        InputError: too small a radius, too heavy a payload, or no workspace where no joint moves
-            alone.
+        InputError: too small a radius, too heavy a payload, or no workspace for a mechanism none
+            of whose joints moves alone.
     """
     model = robot.commanded
     if robot.workspace is None and model.joints > model.task_size:
@@ -222,7 +222,7 @@ def candidates(
 def _in_workspace(
     robot: Robot, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array]]:
-    """Tool points and turns all over the workspace, 2 (count, 3) [m, rad] at a time."""
+    """Yield tool points and rotations all over the workspace, (count, 3) each [m, rad]."""
     if robot.workspace is not None:
         yield from drawn(robot.workspace, count, rng)
 
@@ -230,7 +230,7 @@ def _in_workspace(
 def _in_joints(
     robot: Robot, count: int, rng: np.random.Generator
 ) -> Iterator[tuple[Array, Array]]:
-    """The same of joints all over their ranges, in the assembly mode of home."""
+    """Yield tool points and rotations of joints all over their ranges, in the mode of home."""
     room = 2 * APPROACH * robot.commanded.joint_size
     lower, upper = robot.joints.lower + room, robot.joints.upper - room
     shift = rng.random(len(lower))
@@ -241,10 +241,10 @@ def _in_joints(
 
 
 def _in_mode(model: Mechanism, joint: Array) -> NDArray[np.bool_]:
-    """Whether the way from home, straight in the joints (n, m), ends at their pose, (n,).
+    """Whether joints (n, m) are in the assembly mode of home, (n,).
 
-    Followed by continuity: from a start of its own the direct problem may end in another assembly
-    mode, or a turn more.
+    The pose is followed from home, straight in joint space, and compared with that of the forward
+    kinematics, which from its own start may end in another assembly mode, or a turn further.
     """
     nominal, home = model.parameters.nominal, model.home
     x = np.tile(model.forward(home[None], nominal), (len(joint), 1))
@@ -256,17 +256,17 @@ def _in_mode(model: Mechanism, joint: Array) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True)
 class OptimalPlan:
-    """Stops for a fit of the geometry, and how good they are."""
+    """Optimal stops for a fit of the geometry, with their quality."""
 
     plan: Plan
-    candidates: int  # poses that they were chosen from
+    candidates: int  # number of poses that the stops were chosen from
     log_det: float
-    random_log_det: float  # mean of as many random stops
+    random_log_det: float  # mean over random plans with as many stops
     observability: Observability
 
     @property
     def worth(self) -> float:
-        """How many times as many random stops would tell as much."""
+        """Factor by which the number of random stops must be larger for the same information."""
         return float(np.exp((self.log_det - self.random_log_det) / self.observability.rank))
 
 
@@ -279,15 +279,15 @@ def optimal_plan(
     seed: int = 0,
     follow: Callable[[range], Iterable[int]] = iter,
 ) -> OptimalPlan:
-    """The D-optimal stops to fit geometry, reflector offset and frame, each from both sides.
+    """Select the D-optimal stops to fit geometry, reflector offset and frame, from both sides.
 
     Args:
-        robot: drawing, tolerances, limits.
-        count: of different stops.
-        dwell: at each [s].
-        radius: of the tool from the axis [m]; None for no limit.
-        seed: of the candidates and of the order.
-        follow: is handed the steps and hands them on; for a progress bar.
+        robot: nominal dimensions, tolerances, limits.
+        count: number of different stops.
+        dwell: at each stop [s].
+        radius: largest distance of the tool from the axis [m]; None for no limit.
+        seed: seed of the candidates and of the order.
+        follow: iterates over the steps; for a progress bar.
 
     Raises:
         InputError: fewer stops than a fit needs, or too small a radius.
@@ -323,6 +323,6 @@ def optimal_plan(
 
 
 def _information(rows: Array, start: Array, chosen: Index) -> float:
-    """log det M of some stops."""
+    """log det M of the chosen stops."""
     flat = rows[chosen].reshape(-1, rows.shape[-1])
     return float(np.linalg.slogdet(start + flat.T @ flat)[1])

@@ -1,4 +1,4 @@
-"""Stops and paths that part two causes: D_s-optimal for the one beside the other."""
+"""Plans that separate two causes: D_s-optimal for one cause in the presence of the other."""
 
 from __future__ import annotations
 
@@ -29,27 +29,27 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-GEOMETRY = "geometry"  # as a cause: all dimensions, none in particular
+GEOMETRY = "geometry"  # as a cause: all dimensions together
 _CANDIDATES = 2000  # poses times conditions
 _FEWEST = 100  # poses
-_PROBES = 12  # poses at which it is found out what a cause depends on
-_WEAK = 1e-6  # precision of what has no prior
-_WORTH_A_PATH = 0.5  # by which log det has to grow for a path to be driven
+_PROBES = 12  # poses used to find the conditions on which a cause depends
+_WEAK = 1e-6  # precision of unknowns without prior
+_WORTH_A_PATH = 0.5  # least gain in log det for which a path is added
 
 
 @dataclass(frozen=True)
 class Parting:
-    """A plan, and how well two causes are parted without it and with it."""
+    """A plan, and how well two causes are separated without it and with it."""
 
     plan: Plan
     levels: tuple[StopConditions, ...]  # (n,) of the stops
-    before: Contrast  # by the session, or by as many plain stops
+    before: Contrast  # from the session, or from as many stops under default conditions
     after: Contrast
-    outside: str  # what would part them that is no motion of the cell; empty: nothing known
+    outside: str  # measurement outside the cell that would separate them; empty: none known
 
 
 def known_causes(mechanism: Mechanism) -> tuple[str, ...]:
-    """Causes that a plan can part: effects, kinds of dimensions, and the geometry as a whole."""
+    """Causes that a plan can separate: effects, kinds of dimensions, and the whole geometry."""
     return (*EFFECTS, *dict.fromkeys(p.cause for p in mechanism.parameters), GEOMETRY)
 
 
@@ -66,19 +66,19 @@ def part(
     seed: int = 0,
     follow: Callable[[range], Iterable[int]] = iter,
 ) -> Parting:
-    """The plan that parts the first cause from the second best.
+    """Make the plan that best separates the first cause from the second.
 
     Args:
-        robot: drawing, tolerances, limits, noise.
+        robot: nominal dimensions, tolerances, limits, noise.
         causes: two names; `geometry` stands for all dimensions.
-        count: of stops.
-        session: what was measured before, to which the plan adds.
-        known: chain and theta of a calibration, where nothing was measured before.
-        payload: that can be put on the platform [kg].
+        count: number of stops.
+        session: earlier measurement that the plan extends.
+        known: chain and theta of a calibration, used if there is no earlier measurement.
+        payload: mass that can be put on the platform [kg].
         dwell: at each stop [s].
-        radius: of the tool from the axis [m]; None for no limit.
-        seed: of the candidates and of the order.
-        follow: is handed the steps and hands them on; for a progress bar.
+        radius: largest distance of the tool from the axis [m]; None for no limit.
+        seed: seed of the candidates and of the order.
+        follow: iterates over the steps; for a progress bar.
 
     Raises:
         InputError: no such cause, the same twice, or too small a radius.
@@ -140,7 +140,7 @@ def _pair(robot: Robot, causes: tuple[str, str], mechanism: Mechanism, bench: Be
 
 
 def _explanation(cause: str, robot: Robot, mechanism: Mechanism, at: Conditions) -> Candidate:
-    """A cause as an explanation of samples under such conditions."""
+    """A cause as a candidate explanation of samples under conditions like these."""
     if cause in EFFECTS:
         effect = next(iter(EFFECTS[cause](robot, mechanism).shapes(at)))
         return Candidate(cause, effect.kind, None, effect, tuple(range(len(effect.parameters))))
@@ -150,37 +150,37 @@ def _explanation(cause: str, robot: Robot, mechanism: Mechanism, at: Conditions)
 
 @dataclass(frozen=True)
 class _Question:
-    """What is asked of samples: the first explanation beside the second, geometry and frame."""
+    """The contrast to optimise: first explanation beside second explanation and nuisance."""
 
     foresight: Foresight
     pair: Pair
 
     @property
     def asked(self) -> int:
-        """How many of the columns are the first explanation's."""
+        """Number of columns of the first explanation."""
         return len(self.pair.first.rows)
 
     def evidence(self, samples: Samples) -> LinearizedModel:
-        """Of samples that are all within reach."""
+        """Linearised model of samples that are all within reach."""
         return self.foresight.evidence(samples, self.foresight.pose(samples))
 
     def columns(self, samples: Samples) -> Array:
-        """Of the pair, (3 n, k)."""
+        """Columns of both explanations in the Jacobian, (3 n, k)."""
         return self.pair.columns(self.evidence(samples))
 
     def products(self, samples: Samples) -> Products:
-        """Of the pair."""
+        """Inner products of the columns of both explanations and the nuisance."""
         return self.pair.products(self.evidence(samples))
 
     def rows(self, samples: Samples) -> Array:
-        """Nuisance, second and first explanation of stops, (n, 3, P)."""
+        """Rows of stops with the columns nuisance, second, first explanation, (n, 3, P)."""
         evidence = self.evidence(samples)
         columns = self.pair.columns(evidence).reshape(len(samples), 3, -1)
         nuisance = evidence.nuisance[..., self.pair.nuisance(len(self.foresight.precision))]
         return np.concatenate([nuisance, np.roll(columns, -self.asked, axis=-1)], axis=-1)
 
     def matrix(self, products: Products) -> Array:
-        """The same as information, with that of the priors, (P, P)."""
+        """Information matrix in the column order of `rows`, priors included, (P, P)."""
         kept = self.pair.nuisance(len(self.foresight.precision))
         across = np.roll(products.across[kept], -self.asked, axis=1)
         own = np.roll(products.own, (-self.asked, -self.asked), axis=(0, 1))
@@ -195,7 +195,7 @@ class _Question:
         return float(np.linalg.slogdet(whole)[1] - np.linalg.slogdet(rest)[1])
 
     def contrast(self, products: Products) -> Contrast:
-        """How well such products part the pair."""
+        """How well data with these products separate the pair."""
         geometry = self.foresight.chain.layout.geometry
         return self.pair.contrast(products, self.foresight.precision, geometry)
 
@@ -208,7 +208,7 @@ def _paths_worth(
     start: Products,
     payload: float,
 ) -> tuple[tuple[MotionPath, ...], Products]:
-    """The paths worth driving beside what there is, best first, and what they tell."""
+    """The paths that add enough information, best first, and their products."""
     added = start.times(0.0)
     if not bench.moves(question.columns, joint):
         return (), added
@@ -227,7 +227,7 @@ def _paths_worth(
 
 
 def _ordered(chosen: Index, levels: Sequence[StopConditions], rng: np.random.Generator) -> Index:
-    """The stops by time, then by payload, which is laborious to change, then shuffled."""
+    """Order the stops by time, then by payload, which is laborious to change, then at random."""
     order = sorted(rng.permutation(chosen).tolist(), key=lambda row: _laborious(levels[row]))
     return np.array(order, dtype=np.int64)
 

@@ -1,13 +1,13 @@
-"""A plan as a CSV file: targets, and where wanted the side, the load and the motion.
+"""Reads and writes plans as CSV files: targets, optionally with side, payload and motion.
 
     x_mm, y_mm, z_mm                the tool point, base frame
-    turn_x_deg, ...                 how the platform is turned: see target_file.py
-    direction                       1 or -1: the side that each joint comes from
+    turn_x_deg, ...                 rotation of the platform: see target_file.py
+    direction                       1 or -1: the side from which all joints approach
     payload_kg                      on the platform
-    path, duration_s                only where the points are driven through without a stop: the
-                                    path's name, and how long the whole of it takes
+    path, duration_s                only for points that are passed without a stop: the path's
+                                    name, and the duration of the whole path
 
-Only the place has to be there. Stops come first, then paths.
+Only the tool point is required. Stops come first, then paths.
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ _LONGEST = 1e6  # [s] of a path
 
 
 def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], mass: float) -> Plan:
-    """The plan of a file.
+    """Read a plan from a file.
 
     Args:
         path: of the CSV file.
-        robot: decides what can be reached.
+        robot: decides which points are in reach.
         dwell: at each stop [s].
-        sides: from which each point is approached, where the file does not say.
-        mass: on the platform [kg], where the file does not say.
+        sides: sides from which each point is approached, if the file states none.
+        mass: on the platform [kg], if the file states none.
 
     Raises:
         InputError: no such file, or one of another form.
@@ -86,7 +86,7 @@ def read_plan(path: Path, robot: Robot, dwell: float, sides: Sequence[float], ma
 
 
 def write_plan(path: Path, plan: Plan, robot: Robot) -> None:
-    """Write a plan as a file that `read_plan` reads back, whole or not at all.
+    """Write a plan atomically to a file that `read_plan` can read.
 
     Raises:
         InputError: the file cannot be written.
@@ -126,7 +126,7 @@ def _in_degrees(turn: Array) -> list[str]:
 
 
 def _names(paths: Sequence[MotionPath]) -> Iterator[str]:
-    """Names of paths, numbered where one is driven several times."""
+    """Names of paths, numbered if the same path is driven several times."""
     seen: dict[str, int] = {}
     for path in paths:
         seen[path.name] = seen.get(path.name, 0) + 1
@@ -147,7 +147,7 @@ def _payload(row: Row, otherwise: float) -> float:
 
 
 def _paths(rows: Sequence[Row], robot: Robot, payload: float) -> Iterator[MotionPath]:
-    """Paths in their order; what was on the platform at the last stop is on it still [kg]."""
+    """Paths in their order, with the payload of the last stop [kg]."""
     for name, group in groupby(rows, key=lambda row: row.text[PATH]):
         way = list(group)
         if DURATION not in way[0].text:

@@ -1,4 +1,4 @@
-"""The places of a plan by name, and the joints that the drawing takes for them."""
+"""Tool points of the named plans, and their joints by nominal inverse kinematics."""
 
 from __future__ import annotations
 
@@ -21,27 +21,27 @@ Array = NDArray[np.float64]
 
 LINE_HALF = 0.45  # [m] |x| on the Delta paper's line (15)
 PLANE = -0.711  # [m] its height
-RADIUS = 0.45  # [m] of the paper's disc; what else is covered goes to the ends of the line
-PLACES = 60  # that a plan to identify has, where no other number is asked for
-LOW, HIGH = -0.15, 0.10  # [m] about the plane, between which poses are spread
-_SAME = 1e-6  # [m, 1] that a pose may differ from what was commanded
+RADIUS = 0.45  # [m] of the paper's disc; plan `identify` extends to the ends of the line
+PLACES = 60  # default number of places in the plan `identify`
+LOW, HIGH = -0.15, 0.10  # [m] heights from the plane, between which poses are spread
+_SAME = 1e-6  # [m, 1] by which a pose may differ from the commanded one
 CUBE = Cube((0.0, 0.0, -0.8), 0.3)  # of ISO 9283, in the most used part of the workspace
 
 
 def nominal_joints(
     robot: Robot, targets: Array, turns: Array | None = None, payload: Array | float = 0.0
 ) -> Array:
-    """Joints that the drawing takes for the tool points, (n, m) [rad or m].
+    """Joints of tool points by nominal inverse kinematics, (n, m) [rad or m].
 
     Args:
-        robot: whose drawing.
+        robot: its nominal dimensions and limits.
         targets: tool points, (n, 3) [m].
-        turns: of the platform, where it can be turned, (n, 3) [rad]; none where not given.
+        turns: rotations of the platform, if it can rotate, (n, 3) [rad]; zero by default.
         payload: on the platform, one for all or (n,) [kg].
 
     Raises:
-        ReachError: the first point out of reach or beyond a joint's limit, or at which what is on
-            the platform is not borne.
+        ReachError: names the first point that is out of reach, beyond a joint limit, or where
+            cables cannot carry the load on the platform.
     """
     joint = joints_toward(robot, targets, turns)
     wanted, unit = targets, "m"
@@ -54,12 +54,12 @@ def nominal_joints(
 
 
 def require_borne(robot: Robot, joint: Array, what: str, payload: Array | float = 0.0) -> None:
-    """Refuse joints (n, m) at which limbs that only pull do not bear what is on the platform.
+    """Refuse joints (n, m) at which limbs that only pull cannot carry the load on the platform.
 
     Args:
-        robot: whose drawing and masses.
-        joint: within reach.
-        what: what a row is called.
+        robot: its nominal dimensions and masses.
+        joint: joints within reach, (n, m).
+        what: name of a row in messages.
         payload: at the platform's centre, one for all or (n,) [kg].
 
     Raises:
@@ -72,7 +72,7 @@ def require_borne(robot: Robot, joint: Array, what: str, payload: Array | float 
 
 
 def borne(robot: Robot, joint: Array, payload: Array | float = 0.0) -> NDArray[np.bool_]:
-    """Whether what is on the platform is borne at joints (n, m), as above, (n,)."""
+    """Whether the limbs can carry the load on the platform at joints (n, m), (n,)."""
     model = robot.commanded
     if not model.pulls:
         return np.ones(len(joint), dtype=np.bool_)
@@ -81,7 +81,7 @@ def borne(robot: Robot, joint: Array, payload: Array | float = 0.0) -> NDArray[n
 
 
 def _loaded(robot: Robot, joint: Array, payload: Array | float) -> tuple[Array, Array]:
-    """Poses (n, k) and what weighs on the platform there, dU/dx (n, k) [N, N m]."""
+    """Poses (n, k) and the weight on the platform as generalised force, dU/dx (n, k) [N, N m]."""
     model = robot.commanded
     x = model.forward(joint, model.parameters.nominal)
     at = replace(at_rest(joint), payload=np.broadcast_to(payload, len(joint)).astype(float))
@@ -89,10 +89,10 @@ def _loaded(robot: Robot, joint: Array, payload: Array | float) -> tuple[Array, 
 
 
 def joints_toward(robot: Robot, targets: Array, turns: Array | None = None) -> Array:
-    """The same, limits or not; NaN rows out of reach.
+    """Joints of tool points as in `nominal_joints`, limits ignored; NaN rows out of reach.
 
-    Joints at which the platform, put together as at home, stands elsewhere than it is meant to are
-    no answer: the pose is one of another assembly mode.
+    A solution is rejected if forward kinematics in the assembly mode of home leads to another
+    pose: the target then belongs to another assembly mode.
     """
     model = robot.commanded
     turns = np.zeros_like(targets) if turns is None else turns
@@ -108,7 +108,7 @@ def joints_toward(robot: Robot, targets: Array, turns: Array | None = None) -> A
 
 
 def _meets(model: Mechanism, x: Array, task: Array) -> NDArray[np.bool_]:
-    """Whether poses (n, k) are those commanded, (n, task_size); of turns those that look alike."""
+    """Whether poses (n, k) equal those commanded, (n, task_size); rotations as matrices."""
     gap = x[:, : model.task_size] - task
     if model.task_size == model.pose_size:
         turned = (model.rotation(x) - model.rotation(task)).reshape(len(x), 9)
@@ -117,19 +117,19 @@ def _meets(model: Mechanism, x: Array, task: Array) -> NDArray[np.bool_]:
 
 
 def tool_points(robot: Robot, joint: Array) -> Array:
-    """Where the drawing has the tool at joints (n, m), (n, 3) [m]; NaN out of reach."""
+    """Tool points at joints (n, m) by nominal forward kinematics, (n, 3) [m]; NaN out of reach."""
     return tool_frames(robot, joint)[0]
 
 
 def tool_frames(robot: Robot, joint: Array) -> tuple[Array, Array]:
-    """The same, and how the platform is turned there, 2 (n, 3) [m, rad]; see `Mechanism.turn`."""
+    """Nominal tool points and platform rotations (`Mechanism.turn`), (n, 3) each [m, rad]."""
     model = robot.commanded
     x = model.forward(joint, model.parameters.nominal)
     return model.points(x, robot.tool_offset), model.turn(x)
 
 
 def require_limits(robot: Robot, joint: Array, what: str) -> None:
-    """Refuse joint angles (n, m) [rad] that are beyond the robot's limits.
+    """Refuse joints (n, m) [rad or m] that are beyond the robot's limits.
 
     Raises:
         ReachError: names the first such row, its joint and what is allowed.
@@ -147,7 +147,7 @@ def line(robot: Robot, count: int | None, radius: float, rng: np.random.Generato
 
 
 def disc(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
-    """Evenly spread over the disc (sunflower), in the paper's plane, taken round by round."""
+    """Points spread evenly over the disc (sunflower) in the paper's plane, sorted by angle."""
     k = np.arange(count or 60) + 0.5
     r, angle = radius * np.sqrt(k / len(k)), np.mod(np.pi * (1 + np.sqrt(5)) * k, 2 * np.pi)
     r, angle = r[np.argsort(angle)], np.sort(angle)
@@ -160,14 +160,14 @@ def iso9283(robot: Robot, count: int | None, radius: float, rng: np.random.Gener
 
 
 def identify(robot: Robot, count: int | None, radius: float, rng: np.random.Generator) -> Array:
-    """A ring at the rim above and below the paper's plane, the rest spread evenly inside.
+    """Points on a rim above and below the paper's plane, the rest spread evenly inside.
 
-    The rim comes first: a calibration holds inside the hull of its poses, and the paper's line
-    ends at sqrt(2) times its |x|.
+    The rim comes first: a calibration is valid inside the hull of its poses, and the paper's line
+    ends at a radius of sqrt(2) times its |x|.
     """
     wanted, widest = count or PLACES, radius * np.sqrt(2)
     ring = _rim(robot, 1.03 * widest)[:wanted]
-    # Shifted as a whole, so that the seed decides.
+    # One random shift of all points, so that they depend on the seed.
     draws = np.mod(halton(10 * wanted, 3) + rng.random(3), 1.0)
     r, angle = widest * np.sqrt(draws[:, 0]), 2 * np.pi * draws[:, 1]
     height = PLANE + LOW + (HIGH - LOW) * draws[:, 2]
@@ -203,13 +203,13 @@ def _rim(robot: Robot, widest: float) -> Array:
 def usable(
     robot: Robot, points: Array, turns: Array | None = None, payloads: Sequence[float] = (0.0,)
 ) -> NDArray[np.bool_]:
-    """Points, and turns there, within reach and limits, well away from singularities, (n,).
+    """Whether points, with rotations, are in reach, within limits and well conditioned, (n,).
 
-    Whichever of the payloads [kg] is on the platform, it is borne.
+    The limbs can carry each of the payloads [kg] there.
     """
     model = robot.commanded
     nominal, joint = model.parameters.nominal, joints_toward(robot, points, turns)
-    room = 2 * APPROACH * model.joint_size  # the way into a stop must be within the limits too
+    room = 2 * APPROACH * model.joint_size  # the approach to a stop must be within the limits too
     inside = (joint > robot.joints.lower + room) & (joint < robot.joints.upper - room)
     good = np.asarray(inside.all(axis=1))  # False where out of reach: NaN compares false
     x = model.forward(joint[good], nominal)

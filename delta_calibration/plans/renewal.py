@@ -1,8 +1,8 @@
-"""Few poses for a machine whose history is known: those that tell what is not known yet.
+"""Plan with few poses to update the calibration of a machine whose history is known.
 
-The stops are D-optimal (`optimal.py`) given a prior of dimensions and effects (`Carried`); of the
-tracker's frame and the reflector's place no more is known than ever. Each is approached from both
-sides.
+The stops are D-optimal (`optimal.py`) given a prior of dimensions and effects from earlier
+sessions (`Carried`); the tracker's frame and the reflector's position have only their usual
+priors. Each stop is approached from both sides.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-UPDATE_PLACES = 18  # three tenths of a whole plan
+UPDATE_PLACES = 18  # three tenths of a complete plan
 _CANDIDATES = 1000
 _SIDES = (1.0, -1.0)
 
 
 @dataclass(frozen=True)
 class Renewal:
-    """Stops for an update, and how well the tool is known after them."""
+    """Stops for an update, and the uncertainty of the tool position after them."""
 
     plan: Plan
-    candidates: int  # poses that they were chosen from
-    # what is uncertain of the machine over all candidates after the update, RMS, in standard
+    candidates: int  # number of poses that the stops were chosen from
+    # RMS uncertainty of the predicted position over all candidates after the update, in standard
     # deviations of a measured stop
     after: float
-    whole: float  # the same after as many stops by lot as a whole plan has, nothing carried over
+    whole: float  # the same after random stops, as many as a complete plan has, without history
 
 
 def renewal_plan(
@@ -58,16 +58,16 @@ def renewal_plan(
     seed: int = 0,
     follow: Callable[[range], Iterable[int]] = iter,
 ) -> Renewal:
-    """The D-optimal stops for a machine of which something is known.
+    """Select the D-optimal stops for a machine with a prior from earlier sessions.
 
     Args:
-        robot: drawing, tolerances, limits.
-        carried: what is known of it.
-        count: of different stops.
-        dwell: at each [s].
-        radius: of the tool from the axis [m]; None for no limit.
-        seed: of the candidates and of the order.
-        follow: is handed the steps and hands them on; for a progress bar.
+        robot: nominal dimensions, tolerances, limits.
+        carried: prior from earlier sessions.
+        count: number of different stops.
+        dwell: at each stop [s].
+        radius: largest distance of the tool from the axis [m]; None for no limit.
+        seed: seed of the candidates and of the order.
+        follow: iterates over the steps; for a progress bar.
 
     Raises:
         InputError: too few stops, or too small a radius.
@@ -98,17 +98,17 @@ def renewal_plan(
 
 @dataclass(frozen=True)
 class _About:
-    """The machine as it is known, in scaled unknowns: frame and reflector, then its own."""
+    """The prior of the machine, in scaled unknowns z: frame and reflector, then its own."""
 
     chain: Chain
     theta: Array  # (P,)
     scale: Array  # (P, P) d(theta)/dz
-    known: Array  # (P, P) information on z of history and tolerances of the reflector
-    drawn: Array  # (P, P) the same of the drawing's tolerances alone
+    known: Array  # (P, P) prior information on z from history, reflector by its tolerance
+    drawn: Array  # (P, P) prior information on z from the tolerances alone
 
     @classmethod
     def of(cls, robot: Robot, carried: Carried) -> _About:
-        """About what is known, the tracker three metres away."""
+        """Linearise about the prior mean, with the tracker three metres away."""
         chain = chain_of(robot).with_effects(carried.effects)
         own = carried_rows(chain.layout)
         order = np.concatenate([np.setdiff1d(np.arange(chain.layout.size), own), own])
@@ -127,7 +127,7 @@ class _About:
         )
 
     def rows(self, robot: Robot, joint: Array) -> Array:
-        """Whitened rows of stops approached from both sides, (N, 6, P)."""
+        """Whitened rows of the Jacobian for stops approached from both sides, (N, 6, P)."""
         size = self.chain.mechanism.joint_size
         bench, noise = Bench.after(None, size), FiledNoise(robot, self.chain, self.theta)
         sides = []
@@ -138,7 +138,7 @@ class _About:
         return np.concatenate(sides, axis=1)
 
     def uncertain(self, rows: Array, start: Array, chosen: NDArray[np.int64]) -> float:
-        """Of what is measured at any candidate, in standard deviations of a stop's noise, RMS."""
+        """RMS uncertainty of the position over all candidates, in sigmas of a stop's noise."""
         flat = rows[chosen].reshape(-1, rows.shape[-1])
         covariance = np.linalg.inv(start + flat.T @ flat)
         each = np.einsum("ndi,ij,ndj->n", rows[:, :3], covariance, rows[:, :3])

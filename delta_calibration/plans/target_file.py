@@ -1,16 +1,16 @@
-"""Targets from a CSV file: where the tool is to be, and how it is to be turned.
+"""Reads targets, positions and rotations of the tool, from a CSV file.
 
     x_mm, y_mm, z_mm                        the tool point, base frame
-    turn_x_deg, turn_y_deg, turn_z_deg      how the platform is turned, where the joints command it
+    turn_x_deg, turn_y_deg, turn_z_deg      rotation of the platform, if the joints command it
 
-A turn is what the mechanism's `task` takes it for: a rotation vector, of an arm from how it holds
-its tool at home; of a five-axis machine the angles A and B. A turn that is not given is none.
-Coordinates of the place that the joints do not command need no column (z of an arm of two joints,
-x of a machine that moves in a plane); one that is there has to say what the rest comes to. A
-plan (plan_file.py) is a file of targets too: what only a plan needs is told, not used. Columns
-`name` and `note` are for people. Axes that the robot file says are passed through may have columns
-(joint_4, joint_4_deg, ...), which are handed on as they are where that is asked for. Any other is
-refused, as it may well say what would then be left out.
+A rotation is interpreted by the mechanism's `task`: as a rotation vector, for an arm from the
+orientation of its tool at home; for a five-axis machine as the angles A and B. A missing rotation
+is zero. Coordinates of the position that the joints do not command need no column (z of an arm of
+two joints, x of a machine that moves in a plane); if there is one, its value must agree with the
+commanded coordinates. A plan (plan_file.py) is a target file too: the columns that only a plan
+needs are reported, not used. Columns `name` and `note` are for people. Axes that the robot file
+passes through may have columns (joint_4, joint_4_deg, ...), which are handed on unchanged if
+requested. Any other column is refused, as its content would be ignored silently.
 """
 
 from __future__ import annotations
@@ -35,20 +35,20 @@ DIRECTION, PAYLOAD, PATH, DURATION = "direction", "payload_kg", "path", "duratio
 _EVERY = (*PLACE, *TURN)
 _OF_A_PLAN = (DIRECTION, PAYLOAD, PATH, DURATION)
 NAME, _NOTE = "name", "note"  # for people
-_MARKS = ("", "_rad", "_deg", "_m", "_mm")  # behind the name of an axis that is passed through
-_UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # SI of one
+_MARKS = ("", "_rad", "_deg", "_m", "_mm")  # suffixes to the name of a passed-through axis
+_UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)  # factors to SI
 _MOST = np.array([1e6] * 3 + [3600.0] * 3)  # [mm], [deg]: a kilometre, ten turns
-_SAME = 1e-6  # [m, rad] by which a coordinate may differ from what follows from the others
+_SAME = 1e-6  # [m, rad] by which a coordinate may differ from the value implied by the others
 
 
 @dataclass(frozen=True)
 class Targets:
-    """Where the tool is to be, and the joints that the drawing takes for it."""
+    """Target poses of the tool, and their joints by nominal inverse kinematics."""
 
     point: Array  # (n, 3) [m]
     turn: Array  # (n, 3) [rad]
     joint: Array  # (n, m) [rad or m]
-    unused: tuple[str, ...] = ()  # columns of a plan, which say nothing of a target
+    unused: tuple[str, ...] = ()  # columns that only a plan needs
 
 
 def commanded_columns(robot: Robot) -> tuple[str, ...]:
@@ -57,33 +57,34 @@ def commanded_columns(robot: Robot) -> tuple[str, ...]:
 
 
 def read_targets(path: Path, robot: Robot, payload: float = 0.0) -> Targets:
-    """Targets of a CSV file, with so much on the platform [kg].
+    """Read targets from a CSV file, for a payload [kg] on the platform.
 
     Raises:
         InputError: no such file, a column missing, unknown or of another unit, a value that is no
             finite number or cannot be chosen, or no row.
-        ReachError: a target out of the robot's reach or joint limits, or whose load is not borne.
+        ReachError: a target out of the robot's reach or joint limits, or where cables cannot
+            carry the load.
     """
     rows = read_rows(path, robot)
     return replace(targets_of(rows, robot, payload), unused=unused_columns(rows))
 
 
 def unused_columns(rows: Sequence[Row]) -> tuple[str, ...]:
-    """Columns of a plan, which say nothing of a target."""
+    """Columns in the file that only a plan needs."""
     return tuple(name for name in _OF_A_PLAN if name in rows[0].text)
 
 
 def read_rows(path: Path, robot: Robot, passed_through: Sequence[str] = ()) -> list[Row]:
-    """The lines of a CSV file that has a column for each coordinate of a place that is commanded.
+    """Read the rows of a target file; it needs a column for each commanded coordinate.
 
     Args:
         path: the file.
-        robot: whose places.
+        robot: its commanded coordinates.
         passed_through: axes that may have a column as well.
 
     Raises:
-        InputError: no such file, a column missing, there twice, unknown or of another unit, a line
-            too long, no line, or no finite number for an axis that is passed through.
+        InputError: no such file, a column missing, twice, unknown or of another unit, a line too
+            long, no row, or no finite number for an axis that is passed through.
     """
     wanted, beside = commanded_columns(robot), [f"{n}{m}" for n in passed_through for m in _MARKS]
     places = [name for name in wanted if name in PLACE]
@@ -106,11 +107,12 @@ def passed_columns(rows: Sequence[Row], passed_through: Sequence[str]) -> tuple[
 
 
 def targets_of(rows: Sequence[Row], robot: Robot, payload: Array | float = 0.0) -> Targets:
-    """What lines say, and the joints for it; `payload` is on the platform, (n,) or for all [kg].
+    """Convert rows to targets with joints; `payload` on the platform, one for all or (n,) [kg].
 
     Raises:
         InputError: a value that is no finite number, or that cannot be chosen.
-        ReachError: a target out of the robot's reach or joint limits, or whose load is not borne.
+        ReachError: a target out of the robot's reach or joint limits, or where cables cannot
+            carry the load.
     """
     bounds = dict(zip(_EVERY, _MOST.tolist(), strict=True))
     said = np.array([[_said(row, *each) for each in bounds.items()] for row in rows]) * _UNITS
@@ -136,7 +138,7 @@ def _said(row: Row, name: str, most: float) -> float:
 
 
 def _require_known(path: Path, found: Sequence[str], beside: Sequence[str]) -> None:
-    """Refuse a column of another unit, or of another name; any of `beside` is allowed."""
+    """Refuse columns with unknown units or names; those in `beside` are allowed."""
     allowed = (*_EVERY, *_OF_A_PLAN, NAME, _NOTE)
     of_stem = {name.rpartition("_")[0]: name for name in allowed if "_" in name}
     for name in found:

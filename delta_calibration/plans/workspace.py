@@ -1,4 +1,4 @@
-"""Plans inside the box of a robot file's `workspace`, for whatever mechanism works there."""
+"""Plans inside the box of a robot file's `workspace`, for any mechanism."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ from delta_calibration.robot import Robot, Workspace
 
 Array = NDArray[np.float64]
 
-_DRAWS = 20  # of as many places as are needed
-_SPAN = 0.8  # of the box, that lines and circles take
+_DRAWS = 20  # draws at most, each of as many places as are needed
+_SPAN = 0.8  # share of the box that lines and circles cover
 _FINE = 801  # points of a path
-_SWEEP = 0.2  # of the joints' size, either way
+_SWEEP = 0.2  # amplitude of a sweep, in units of the mechanism's `joint_size`
 _SWEEP_S = 40.0  # [s]
-_ROUNDS_S = (10.0, 5.0, 2.5)  # [s] a turn
+_ROUNDS_S = (10.0, 5.0, 2.5)  # [s] duration of a turn
 
 
 def places(
     name: str, robot: Robot, box: Workspace, count: int | None, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Tool points (n, 3) [m] of a plan by name, and turns of the platform there (n, 3) [rad].
+    """Tool points (n, 3) [m] of a named plan, and rotations of the platform (n, 3) [rad].
 
     Raises:
         InputError: the box is too flat for the plan, or too much of it is out of reach.
@@ -52,7 +52,7 @@ def places(
 def spread(
     robot: Robot, box: Workspace, count: int, rng: np.random.Generator
 ) -> tuple[Array, Array]:
-    """Places evenly over the box and the turns that it allows, well inside the limits.
+    """Points and rotations spread evenly over the box, well inside the limits.
 
     Raises:
         InputError: too much of the box is out of reach.
@@ -71,7 +71,7 @@ def spread(
 
 
 def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
-    """Places evenly over the box and the turns that it allows, 2 (count, 3) at a time."""
+    """Yield points [m] and rotations [rad] spread evenly over the box, (count, 3) each."""
     shift = rng.random(6)
     for i in range(_DRAWS):
         share = np.mod(halton(count, 6, i * count) + shift, 1.0) - 0.5
@@ -79,7 +79,7 @@ def drawn(box: Workspace, count: int, rng: np.random.Generator) -> Iterator[tupl
 
 
 def cube_of(robot: Robot) -> Cube:
-    """The cube of ISO 9283 of a robot's cycles: in its workspace, or that of the Delta paper's.
+    """The ISO 9283 cube of a robot: in its workspace, or by default that of the Delta paper.
 
     Raises:
         InputError: a workspace without volume.
@@ -88,7 +88,7 @@ def cube_of(robot: Robot) -> Cube:
 
 
 def cube(box: Workspace) -> Cube:
-    """The cube of ISO 9283 that the box holds.
+    """The cube of ISO 9283 in the middle of a box.
 
     Raises:
         InputError: a box without volume.
@@ -101,11 +101,11 @@ def cube(box: Workspace) -> Cube:
 
 
 def paths(robot: Robot, box: Workspace, payload: float) -> tuple[MotionPath, ...]:
-    """A slow sweep of each joint that can move alone; a circle at three speeds both ways."""
+    """A slow sweep of each joint that can move alone; a circle at three speeds, both senses."""
     model = robot.commanded
     home = nominal_joints(robot, box.centre[None])[0]
     found = []
-    if model.joints == model.task_size:  # more joints than freedoms move together
+    if model.joints == model.task_size:  # otherwise no joint can move alone
         out = _SWEEP * model.joint_size * np.linspace(-1.0, 1.0, 200)
         sweep = np.concatenate([out, out[::-1]])[:, None]
         for k, name in enumerate(robot.joints.names):
@@ -130,7 +130,7 @@ def _line(box: Workspace, count: int) -> Array:
 
 
 def _disc(box: Workspace, count: int) -> Array:
-    """Sunflower over the ellipse in the two widest extents, taken round by round."""
+    """Points (sunflower) over the ellipse in the two widest extents, sorted by angle."""
     k = np.arange(count) + 0.5
     r, angle = np.sqrt(k / count), np.mod(np.pi * (1 + np.sqrt(5)) * k, 2 * np.pi)
     r, angle = r[np.argsort(angle)], np.sort(angle)
