@@ -1,4 +1,4 @@
-"""The history of the machine: what to expect of it, and a place for what was fitted."""
+"""Access to the history of a machine: reads prior knowledge for a fit and stores new fits."""
 
 from __future__ import annotations
 
@@ -26,17 +26,18 @@ class Archive:
     machine: str
     bags: Path
     robot: Robot
-    given: str  # the robot's file or name, as the node was given it
-    update: bool = False  # fit all sessions, not only those of few places, with what it says
+    given: str  # the robot's file or name, as given to the node
+    update: bool = False  # use the history in the fit of every session, not only of short ones
 
     @classmethod
     def of(
         cls, url: str, machine: str, bags: str, robot: Robot, given: str, update: bool = False
     ) -> Archive | None:
-        """What the parameters ask for; None where they ask for no history.
+        """Archive made from the node's parameters; None if they name no history.
 
         Raises:
-            InputError: a history without a machine, or the library for it is missing.
+            InputError: a history without a machine or a bag folder, an update without a history,
+                or the library for it is missing.
         """
         if not url and update:
             raise InputError("parameter history_update: wants a history to fit with")
@@ -54,9 +55,10 @@ class Archive:
         return cls(url, machine, Path(bags).expanduser(), robot, own, update)
 
     def known(self, seen: Survey, model: str | None) -> Known:
-        """What a fit of a session is to be told: of few places always, else where told to update.
+        """Return the prior knowledge for the fit of a session.
 
-        A whole session is fitted by itself where the history has nothing to say, and says so.
+        The history is used for sessions with few places, and for all sessions if `update` is set.
+        A full session is fitted without the history if that cannot be used; the result says so.
 
         Raises:
             CalibrationError: the session has few places, and nothing is known of the machine.
@@ -84,7 +86,7 @@ class Archive:
         return prospect(old, self.robot, newly(name, seen), model)
 
     def add(self, session: Session, fitted: FittedCalibration) -> str:
-        """Write the bag and add it; a sentence, also of why that failed: a fit stays a fit."""
+        """Write the bag, add it to the history and say so; a failure is told, but not raised."""
         try:
             return f"added to the history of {self.machine} as {self._added(session, fitted)}"
         except CalibrationError as error:
@@ -102,7 +104,7 @@ class Archive:
         except OSError as error:
             raise InputError(f"{bag.parent}: {error.strerror or error}") from error
         with opened(self.url, make=True) as store:
-            if not bag.exists():  # fitted again, it is there
+            if not bag.exists():  # it exists if the session is fitted again
                 write_session(bag, session)
             digest = bag_hash(str(bag))
             store.require_new(self.machine, self.robot.machine_hash, digest, str(bag), name)
@@ -122,5 +124,5 @@ class Archive:
 
 
 def _named(poses: Poses) -> str:
-    """Id of a session in the history: when it began."""
+    """Id of a session in the history: its start time (UTC)."""
     return f"{datetime.fromtimestamp(poses.start_ns * 1e-9, timezone.utc):{_TIME}}"

@@ -1,4 +1,4 @@
-"""Work that takes longer than a cell's commands can wait."""
+"""Background execution of work that would delay the cell's commands too long."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ Result = TypeVar("Result")
 
 
 class Background(Generic[Result]):
-    """Runs a function on a thread of its own; the result is fetched by who asked for it."""
+    """Runs a function on its own thread; the caller fetches the result."""
 
     def __init__(self, work: Callable[[], Result]) -> None:
         self._work = work
         self._results: list[Result] = []
         self._error: Exception | None = None
-        # A daemon: a fit must not keep a process alive that was told to end.
+        # A daemon thread: a fit must not keep the process alive after a request to end.
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
@@ -26,7 +26,7 @@ class Background(Generic[Result]):
         return not self._thread.is_alive()
 
     def result(self) -> Result:
-        """What the function returned; what it raised is raised here. Waits for its end."""
+        """Wait for the end of the function; return its result or raise its exception."""
         self._thread.join()
         if self._error is not None:
             raise self._error
@@ -35,5 +35,5 @@ class Background(Generic[Result]):
     def _run(self) -> None:
         try:
             self._results.append(self._work())
-        except Exception as error:  # whatever it is, it belongs to who asked
+        except Exception as error:  # any exception is passed on to the caller of `result`
             self._error = error

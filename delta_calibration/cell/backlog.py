@@ -1,10 +1,10 @@
-"""Commands that waited while the process stood still: the newest is sent, not the stale ones.
+"""Filter for commands that queued up while the process was stopped: only the newest is sent.
 
-Commands of a stream come as they are stamped. After a stop of the process those that waited come
-later than they usually do and faster than they are stamped, all at once, or on a busy machine as
-fast as they can be taken; and what the queue could not hold is gone. To send them all would drive
-the robot through a past that is over; only the last of such a burst goes on. After a pause of who
-commands the first one comes no later than usual, and nothing is lost.
+Commands of a stream normally arrive at the intervals of their stamps. After a stop of the process
+the queued commands arrive later than usual and faster than their stamps say: all at once or, on a
+busy computer, as fast as they can be taken. Commands that the queue could not hold are lost. To
+send the whole burst would drive the robot along an outdated path, so only its last command is
+sent. After a pause of the sender, the first command arrives with the usual delay; none is lost.
 """
 
 from __future__ import annotations
@@ -15,34 +15,34 @@ from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
-STOP_S = 0.1  # [s] without a command, and the process may have stood still
+STOP_S = 0.1  # [s] without a command, after which the process may have been stopped
 WAIT_S = 0.01  # [s] that a late command after a stop waits for newer ones
-_STOP_PERIODS = 3.0  # of the stream: its own rhythm is no stop
-_KNOWN = 3  # steps from which on the stream's period is known
-_FASTER = 0.5  # a command that comes in less than this part of what the stamps say has waited
-_LATE_PERIODS = 3.0  # of the stream, later than usual: so has one that comes as late
+_STOP_PERIODS = 3.0  # periods of the stream; a shorter gap is no stop
+_KNOWN = 3  # intervals from which on the period of the stream is known
+_FASTER = 0.5  # arrival interval / stamp interval below which a command was queued
+_LATE_PERIODS = 3.0  # periods of delay beyond the usual one, above which a command was queued
 
 
 class Backlog(Generic[T]):
-    """Takes commands as they come, and hands on those that are to be sent.
+    """Takes commands as they arrive, and returns those that are to be sent.
 
     Attributes:
-        lost: commands that never came, by the stamps of a stream that stood still.
-        superseded: commands that waited, and were not sent as newer ones had come.
+        lost: number of commands that never arrived, by the gaps between stamps after a stop.
+        superseded: number of queued commands not sent, because newer ones had arrived.
     """
 
     def __init__(self) -> None:
         self.lost = self.superseded = 0
         self.waiting: T | None = None
-        self.interrupted = False  # whether the command handed on last comes after lost time
+        self.interrupted = False  # whether the last command returned follows an interruption
         self._steps_s: deque[float] = deque(maxlen=7)
-        self._lags_s: deque[float] = deque(maxlen=7)  # from stamp to coming
-        self._missing = 0  # commands between the last one and the one that waits
+        self._lags_s: deque[float] = deque(maxlen=7)  # from stamp to arrival
+        self._missing = 0  # commands missing between the last one and the waiting one
         self._burst = False
-        self._last: tuple[int, float] | None = None  # stamp [ns], when it came [s]
+        self._last: tuple[int, float] | None = None  # stamp [ns], arrival time [s]
 
     def take(self, command: T, stamp_ns: int, now_s: float) -> tuple[T, ...]:
-        """What is to be sent now that a command came, in order: nothing, one, or two."""
+        """Take a command that arrived; return the commands to send now, none to two, in order."""
         last, self._last = self._last, (stamp_ns, now_s)
         if last is None:
             return (command,)
@@ -64,13 +64,13 @@ class Backlog(Generic[T]):
         return (command,)
 
     def release(self) -> tuple[T, ...]:
-        """The command that waits, as nothing newer came for `WAIT_S`."""
+        """Return the waiting command; to be called if no newer one arrived within `WAIT_S`."""
         waiting, self.waiting = self.waiting, None
         self.interrupted = self._burst
         return () if waiting is None else (waiting,)
 
     def forget(self) -> None:
-        """Begin anew, as after a pause of unknown length; the counts stay."""
+        """Reset the state after a pause of unknown length, but keep the counts."""
         self.waiting, self._last = None, None
         self.interrupted = self._burst = False
         self._missing = 0
@@ -78,7 +78,7 @@ class Backlog(Generic[T]):
         self._lags_s.clear()
 
     def trouble(self) -> str:
-        """What to tell of the command handed on last, where it comes after lost time."""
+        """Warning about the last command returned; empty if no interruption came before it."""
         if not self.interrupted:
             return ""
         return f"stood still: {self.lost} commands lost so far, {self.superseded} late not sent"
@@ -89,7 +89,7 @@ class Backlog(Generic[T]):
         return came_s > _STOP_PERIODS * median(self._steps_s)
 
     def _late(self, stamp_ns: int, now_s: float) -> bool:
-        """Whether a command comes later behind its stamp than those before the stop did."""
+        """Whether the delay from stamp to arrival is longer than before the stop."""
         late_s = now_s - stamp_ns * 1e-9 - median(self._lags_s)
         return late_s > _LATE_PERIODS * median(self._steps_s)
 

@@ -1,7 +1,7 @@
-"""The calibration of a live cell: capture, fit, save, reload, switch on.
+"""Calibration of a live cell: capture, fit, save, reload and switch on.
 
-Every order answers with a sentence, or raises a CalibrationError with the reason and leaves
-everything as it was.
+Every request returns a sentence, or raises a CalibrationError with the reason and leaves the state
+unchanged.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from delta_calibration.robot import Robot, load_robot
 Array = NDArray[np.float64]
 
 SOURCE = "captured"
-RATE = 5.0  # [rad/s] usual fastest change of a correction of a Delta's joint
-NAMED = 3  # troubles told at once
-AT_ONCE_S = 0.1  # of a ramp that one output makes up for
+RATE = 5.0  # [rad/s] default limit of the rate of a correction of a Delta's joint
+NAMED = 3  # largest number of problems in one message
+AT_ONCE_S = 0.1  # [s] longest part of a ramp that one output may advance
 
 
 @dataclass(frozen=True)
@@ -54,11 +54,11 @@ class Settings:
     robot: str  # file or name
     calibration: str = ""  # file; empty for none
     method: str = "newton"
-    table: str = ""  # file of a table of corrections, for method table; empty: it is made
+    table: str = ""  # file of the correction table, for method table; computed if empty
     on_failure: str = PASS_THROUGH
     beyond_limits: str = REFUSE
     ramp_s: float = 1.0  # [s]
-    # fastest change of a joint's correction, in its own unit [rad/s or m/s]; 0 for the usual one
+    # limit of the rate of a joint's correction, in the joint's unit [rad/s or m/s]; 0: default
     rate: float = 0.0
     command_timeout_s: float = 0.0  # [s]; 0 for none
     temperature_timeout_s: float = TEMPERATURE_TIMEOUT_S
@@ -66,21 +66,21 @@ class Settings:
     model: str = ""  # mechanism to fit; empty for the robot file's
     capture_limit: int = 1_000_000  # messages
     seed: int = 0
-    false_alarms: float = 0.0  # of the watch, a month at most; 0 for no watch
+    false_alarms: float = 0.0  # allowed rate for the drift monitor [1/month]; 0 for no monitoring
     history: str = ""  # store that fits are added to, a file or URL; empty for none
-    machine: str = ""  # whose history that is
+    machine: str = ""  # name of the machine in the history
     bags: str = ""  # folder for the bags of the history
-    update: bool = False  # fit all sessions with what the history says
+    update: bool = False  # use the history in the fit of every session
 
 
 class CalibrationSession:
     """A robot with its capture, its command path and its calibration.
 
-    `follow` is handed the blocks of work of a table that is made, to show how far it is.
+    `follow` wraps the blocks of work while a correction table is computed, to show the progress.
 
     Raises:
-        CalibrationError: robot, calibration or table cannot be loaded, or the table is stale;
-            nothing is half set up then.
+        CalibrationError: robot, calibration or table cannot be loaded, or the table is stale; no
+            partly initialised session is left then.
     """
 
     def __init__(self, settings: Settings, follow: Follow = iter) -> None:
@@ -131,7 +131,7 @@ class CalibrationSession:
         self.fitted: FittedCalibration | None = None
         self.calibration: Calibration | None = None
         self._capture_since_s = 0.0
-        self._mistake = ""  # of what was captured last, by which a fit was refused
+        self._mistake = ""  # mistake in the last capture because of which a fit was refused
         if settings.calibration:
             self.reload(settings.calibration, settings.table)
 
@@ -142,13 +142,13 @@ class CalibrationSession:
         self.path.set_options(on_failure, ramp_s, self._rate(rate), timeout_s, beyond_limits)
 
     def _rate(self, asked: float) -> float:
-        """Fastest change of a correction [rad/s or m/s]; by default as of a Delta's platform."""
+        """Limit of the rate of a correction [rad/s or m/s]; `RATE` in this joint's unit if 0."""
         return RATE * self.robot.commanded.joint_size if asked == 0.0 else asked
 
     def follow(self, message: bytes, now_s: float, age_s: float = 0.0) -> bytes | None:
-        """What goes to the drives for a usual command; None for one that `send` is to be asked.
+        """Process a command on the fast path; return the output, or None if `send` is needed.
 
-        Both are serialized messages. Where something is returned, `usual.went` has to be called.
+        Command and output are serialized messages. After an output, call `usual.went`.
         """
         if self.trajectories.under_way or not self.path.in_time(age_s):
             self.usual.seen = False
@@ -164,22 +164,22 @@ class CalibrationSession:
         age_s: float = 0.0,
         seen: bool = False,
     ) -> Sent | None:
-        """What goes to the drives for a command (m,) or, with what is passed through, (m + k,).
+        """Output to the drives for a command (m,), or (m + k,) with pass-through axes [rad or m].
 
-        See `CommandPath.send`. Where its motion has been `seen` already, no notice is taken of it
+        See `CommandPath.send`. If the motion of the command was `seen` already, it is not recorded
         again.
         """
         self.trajectories.settle(now_s)
         q, carried = q[: self._joints], q[self._joints :]
         at = None
         if self.path.takes(q, age_s):
-            if not seen:  # while nothing is compensated, too: play remembers
+            if not seen:  # also while compensation is off: backlash depends on the past motion
                 self.around.moved(q, stamp_ns)
             at = self.around.at(q, now_s) if self._by_conditions else None
         return self.path.send(q, stamp_ns, now_s, already, at, age_s, carried)
 
     def keep(self, q: Array, stamp_ns: int, already: bool) -> None:
-        """Record a command, as given to `send`; what can wait until the drives have theirs."""
+        """Record a command as given to `send`; to be called after the drives have their output."""
         if not already:
             self.capture.add_command(stamp_ns, q[: self._joints])
             self.watchman.capture.add_command(stamp_ns, q[: self._joints])
@@ -187,22 +187,22 @@ class CalibrationSession:
     def begin_all(
         self, points: Callable[[], tuple[Points, bool]], now_s: float
     ) -> Callable[[], TrajectorySent]:
-        """The work that makes what goes to a controller; see `TrajectoryPath.begin`."""
+        """Return a function that computes the trajectory to send; see `TrajectoryPath.begin`."""
         around = self.around if self._by_conditions else None
         return self.trajectories.begin(points, now_s, around)
 
     def nominal(self, measured: Array, now_s: float) -> Array:
-        """What upstream is to see of measured joints, (m,) or (m + k,) as in `send` [rad]."""
+        """Measured joint angles less the correction, for upstream, (m,) or (m + k,) [rad or m]."""
         self.trajectories.settle(now_s)
         own, carried = measured[: self._joints], measured[self._joints :]
         return np.concatenate([self.path.nominal(own), carried])
 
     def stand(self, measured: Array, now_s: float) -> None:
-        """Take notice of where the drives stand, (m,) or (m + k,) as in `send` [rad]."""
+        """Update the measured position of the drives, (m,) or (m + k,) as in `send` [rad or m]."""
         self.path.stand(measured[: self._joints], now_s, measured[self._joints :])
 
     def measured(self, q: Array, stamp_ns: int) -> None:
-        """Record where the drives stand, as given to `stand`."""
+        """Record the measured position of the drives, as given to `stand`."""
         self.capture.add_states(stamp_ns, q[: self._joints])
         self.watchman.capture.add_states(stamp_ns, q[: self._joints])
 
@@ -212,21 +212,21 @@ class CalibrationSession:
         self.watchman.add_tracker(stamp_ns, position, quaternion, now_s)
 
     def is_warm(self, part: str, stamp_ns: int, celsius: float, now_s: float) -> None:
-        """Temperature of a part [deg C]."""
+        """Take the temperature of a part [deg C]."""
         self.around.is_warm(part, celsius, now_s)
         self.usual.prepare(now_s)
         self.capture.add_temperature(part, stamp_ns, celsius)
         self.watchman.capture.add_temperature(part, stamp_ns, celsius)
 
     def carries(self, stamp_ns: int, mass: float, centre: Array, now_s: float) -> None:
-        """What is on the platform from now on: mass [kg], centre of mass (3,) [m]."""
+        """Take the payload valid from now on: mass [kg], centre of mass (3,) [m]."""
         self.around.carries(mass, centre, now_s)
         self.usual.prepare(now_s)
         self.capture.add_payload(stamp_ns, mass, centre)
         self.watchman.capture.add_payload(stamp_ns, mass, centre)
 
     def reset(self) -> None:
-        """Forget the motion so far, as after a pause of unknown length; compensation is off."""
+        """Forget the past motion, after a pause of unknown length, and switch compensation off."""
         self.trajectories.reset()
         self.backlog.forget()
         self.path.reset()
@@ -234,7 +234,7 @@ class CalibrationSession:
 
     @property
     def left_out(self) -> str:
-        """What the calibration holds and nothing is done about, as a sentence, or nothing."""
+        """Effects in the calibration that are not compensated, with reasons; empty if none."""
         if self.calibration is None or not self.calibration.left_out:
             return ""
         causes: dict[str, list[str]] = {}
@@ -247,14 +247,14 @@ class CalibrationSession:
 
     @property
     def _doubt(self) -> str:
-        """What to know before the calibration is relied on, where it was fitted here."""
+        """Doubts about the active calibration; empty unless it was fitted in this session."""
         fitted = self.fitted
         if fitted is None or self.calibration is not fitted.calibration:
             return ""
         return "; ".join(fitted.doubts)
 
     def start_capture(self, now_s: float) -> str:
-        """Begin to keep what is measured."""
+        """Start recording the measured streams; earlier ones are discarded."""
         if self.capture.running:
             raise DataError(f"capturing already, {self.capture.held} messages so far")
         before, self._mistake = self.capture.held, ""
@@ -263,7 +263,7 @@ class CalibrationSession:
         return f"capturing; {before} earlier messages were discarded" if before else "capturing"
 
     def stop_capture(self) -> str:
-        """Keep no more; what is there can be fitted."""
+        """Stop recording; the recorded messages can then be fitted."""
         if not self.capture.running:
             raise DataError("nothing is being captured")
         self.capture.stop()
@@ -276,11 +276,11 @@ class CalibrationSession:
         way: Callable[[Session, Robot, str, int, Step], FittedCalibration] = fit,
         step: Step = silent,
     ) -> Callable[[], tuple[FittedCalibration, JointCompensator]]:
-        """The work of a fit to what is held now; may be done on another thread.
+        """Return a function that fits a snapshot of the capture; it may run on another thread.
 
         Args:
             way: `fit`, or `diagnosed` to extend the model as well.
-            step: is told of each step of the work as it begins.
+            step: callback that gets the name of each step when it begins.
 
         Raises:
             DataError: nothing was captured.
@@ -308,17 +308,17 @@ class CalibrationSession:
         return work
 
     def take(self, fitted: FittedCalibration, compensator: JointCompensator) -> str:
-        """Load what was fitted; compensation that is on ramps over to it, none is switched on."""
+        """Load the fitted calibration; compensation, if on, ramps over to it, else stays off."""
         self.fitted = fitted
         self._load(fitted.calibration, compensator)
         return f"{self.robot.named(fitted.sentence())}; {self._loaded_sentence()}"
 
     def save(self, path: str) -> str:
-        """Write what was fitted, whole or not at all."""
+        """Write the fitted calibration to a file atomically."""
         return self.prepare_save(path)()
 
     def prepare_save(self, path: str) -> Callable[[], str]:
-        """The work of `save`; may be done on another thread.
+        """Return the function that does the work of `save`; it may run on another thread.
 
         Raises:
             DataError: nothing was fitted, or the last fit was refused.
@@ -341,15 +341,15 @@ class CalibrationSession:
         return work
 
     def reload(self, path: str, table: str = "") -> str:
-        """Load a calibration file; the one in force stays if this one is no good."""
+        """Load a calibration file; if that fails, the active calibration stays in use."""
         return self.take_file(path, *self.prepare_reload(path, table)())
 
     def prepare_reload(
         self, path: str, table: str = ""
     ) -> Callable[[], tuple[Calibration, JointCompensator]]:
-        """The work of reading a calibration and its table; may be done on another thread.
+        """Return a function that reads a calibration and its table, also on another thread.
 
-        Without the file of a table, one is made where the method is to use one.
+        If the method needs a table and no file is given, the table is computed.
 
         Raises:
             InputError: no path.
@@ -360,7 +360,7 @@ class CalibrationSession:
         def work() -> tuple[Calibration, JointCompensator]:
             try:
                 calibration = load_calibration(Path(path).expanduser(), self.robot)
-            except ContentError as error:  # who asks need not see what is in it
+            except ContentError as error:  # the caller must not see the content of the file
                 message = f"{path}: is not a calibration file of this package; the log says why"
                 raise RefusedFileError(message, str(error)) from error
             read = load_table(Path(table).expanduser(), calibration) if table else None
@@ -369,18 +369,18 @@ class CalibrationSession:
         return work
 
     def take_file(self, path: str, calibration: Calibration, compensator: JointCompensator) -> str:
-        """Load what was read; compensation that is on ramps over to it, none is switched on."""
+        """Load the calibration read; compensation, if on, ramps over to it, else stays off."""
         self._load(calibration, compensator)
         return f"{path}, made from {calibration.source}, {self._loaded_sentence()}"
 
     def enable(self, on: bool) -> str:
-        """Switch compensation."""
+        """Switch compensation on or off."""
         self.path.enable(on)
         ramp = f"over {self.path.ramp_s:g} s"
         return f"compensation fades in {ramp}" if on else f"compensation fades out {ramp}"
 
     def captured(self, now_s: float) -> tuple[str, dict[str, object]]:
-        """How far a capture has come: a sentence, and figures."""
+        """Progress of the capture: a sentence, and numbers."""
         held, limit = self.capture.held, self.settings.capture_limit
         figures: dict[str, object] = {
             "elapsed [s]": f"{now_s - self._capture_since_s:.1f}",
@@ -391,7 +391,7 @@ class CalibrationSession:
         return f"{held} messages held", figures
 
     def health(self, now_s: float, tracker_timeout_s: float) -> Health:
-        """How the cell is doing."""
+        """Health of the cell: level, message and values for diagnostics."""
         troubles = self._silent(now_s, tracker_timeout_s) + self.watch.recent(now_s)
         troubles += self.capture.notes() if self.capture.running else ()
         troubles += tuple(filter(None, [self._mistake, self._doubt]))
@@ -446,7 +446,7 @@ class CalibrationSession:
     ) -> JointCompensator:
         method, seed = self.settings.method, self.settings.seed
         compensator = JointCompensator(calibration, method, seed, table=table, follow=self._follow)
-        # The first use is slow (imports, buffers), and so not left to the first command.
+        # The first use is slow (imports, buffers), so it is done here, not at the first command.
         compensator.compensate(self.robot.model().home[None])
         warm_up(compensator)
         return compensator

@@ -1,8 +1,8 @@
-"""Where a camera stands before a machine, and what its image says of a place in a plane.
+"""Pose of a camera relative to a robot's base, and positions in a plane from its image.
 
-A single image has no depth: a mark is taken to lie in the plane of the target, z constant in the
-base (paper 003: a SCARA's plane). By as much as it lies above or below, the place is off that much
-times the tangent of the angle at which the camera sees it.
+A single image has no depth: a mark is assumed to lie in the plane of the target, z constant in the
+base (paper 003: a SCARA's plane). If the mark lies off this plane, the position error is that
+distance times the tangent of the viewing angle.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from delta_calibration.robot import Robot, Sight
 
 Array = NDArray[np.float64]
 
-_THIN = 1e-6  # singular values under this share of the largest are none
-FEWEST_CAMERA_STOPS = 4  # eight pixels' coordinates for six unknowns
+_THIN = 1e-6  # singular values below this fraction of the largest count as zero
+FEWEST_CAMERA_STOPS = 4  # eight pixel coordinates for six unknowns
 
 
 @dataclass(frozen=True)
 class CameraFrame:
-    """A camera's place, laid on stops of the robot itself, or known.
+    """Pose of a camera, fitted to stops of the robot itself, or known.
 
-    As with a tracker, what of the robot's error moves all of its points alike is in the frame.
+    As with a tracker, the rigid-body part of the robot's error is absorbed by the fitted frame.
     """
 
     sight: Sight
@@ -38,10 +38,10 @@ class CameraFrame:
 
     @classmethod
     def on(cls, robot: Robot, sight: Sight, joint: Array, pixel: Array) -> CameraFrame:
-        """Laid on stops at nominal joints (n, m) with the mark seen at pixels (n, 2).
+        """Fit the pose to stops at nominal joints (n, m) with the mark seen at pixels (n, 2).
 
         Raises:
-            DataError: too few stops, or on one line, or no place explains what was seen.
+            DataError: too few stops, or on one line, or no pose explains the pixels.
         """
         if len(joint) < FEWEST_CAMERA_STOPS:
             raise DataError(f"{len(joint)} stops; {FEWEST_CAMERA_STOPS} lay a camera's frame")
@@ -59,11 +59,11 @@ class CameraFrame:
 
     @property
     def std(self) -> float:
-        """How far from here other stops would have laid a point [m]: six numbers of 2 n."""
+        """Standard deviation of a point due to the choice of stops [m]: six unknowns, 2 n data."""
         return self.rest * float(np.sqrt(6.0 / max(2.0 * self.stops - 6.0, 1.0)))
 
     def in_plane(self, pixel: Array, height: float) -> Array:
-        """Place in the base of a mark at that height over it, (2,) [px] -> (3,) [m]."""
+        """Position in the base of a mark at z = height [m], by its pixel (2,) [px] -> (3,) [m]."""
         back = self.frame.inverse()
         ray = back.rotation @ self.sight.camera.rays(pixel[None])[0]
         return np.asarray(
@@ -71,12 +71,12 @@ class CameraFrame:
         )
 
     def noise(self, point: Array) -> float:
-        """Standard deviation of a coordinate in the plane there, of one image [m]."""
+        """Standard deviation of an in-plane coordinate from one image [m], at a point (3,) [m]."""
         depth = float(self.frame.apply(point)[2])
         return self.sight.noise * depth / float(self.sight.focal.min())
 
     def __str__(self) -> str:
-        """What it costs not to know the frame."""
+        """Sentence on the uncertainty due to the fitted frame."""
         return (
             f"camera's place by {self.stops} stops of the robot itself, which are "
             f"{self.rest * 1e3:.3f} mm (RMS) off in it; other stops would lay it about "
@@ -86,10 +86,10 @@ class CameraFrame:
 
 
 def _over_plane(points: Array, rays: Array) -> Frame:
-    """`T_camera_base` from points (n, 3) [m] about one height and the rays (n, 3) to them.
+    """`T_camera_base` from points (n, 3) [m] at about one height and the rays (n, 3) to them.
 
-    What maps a plane to an image is s [r_x, r_y, t + h r_z], by the least singular vector of
-    ray x (H (x, y, 1)) = 0 (Zhang 2000).
+    The homography of the plane is H = s [r_x, r_y, t + h r_z]; it is the right singular vector of
+    the smallest singular value of ray x (H (x, y, 1)) = 0 (Zhang 2000).
 
     Raises:
         DataError: points on one line.

@@ -1,4 +1,4 @@
-"""What a cell measures, kept in memory until it is fitted."""
+"""Measured streams of a cell, kept in memory until they are fitted."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _BLOCK = 4096  # rows
 
 
 class Capture:
-    """Streams of one measurement, taken between `start` and `stop`.
+    """Streams of one measurement, recorded between `start` and `stop`.
 
-    At `limit` messages, of all streams together, no more are taken: they are counted as lost, and
-    the session's notes say so. What is on the platform holds from one message to the next, so the
-    payload is known from before the start as well.
+    At most `limit` messages of all streams together are recorded: others are counted as lost, and
+    the session's notes say so. A payload stays valid until the next payload message, so the
+    last one before the start is recorded as well.
 
     Args:
-        names: (m,) the robot's joints, in the order of every position.
+        names: (m,) names of the robot's joints, in the order of every position.
         limit: largest number of messages held.
     """
 
@@ -43,8 +43,8 @@ class Capture:
 
     def _clear(self) -> None:
         self.held = 0  # messages in all
-        self.lost = 0  # beyond the limit
-        self.strangers = 0  # tracker messages of another kind than the first one
+        self.lost = 0  # messages beyond the limit
+        self.strangers = 0  # tracker messages of another kind (point or pose) than the first one
         self._command = _Rows(len(self._names))
         self._states = _Rows(len(self._names))
         self._tracker: _Rows | None = None
@@ -52,14 +52,14 @@ class Capture:
         self._temperature: dict[str, _Rows] = {}
 
     def start(self) -> None:
-        """Begin anew; what was held is let go."""
+        """Discard the messages held and start recording."""
         self._clear()
         self.running = True
         if self._payload_before is not None:
             self._take(self._payload, *self._payload_before)
 
     def stop(self) -> None:
-        """Take no more; what is held stays."""
+        """Stop recording; the messages held are kept."""
         self.running = False
 
     @property
@@ -74,15 +74,15 @@ class Capture:
         }
 
     def add_command(self, stamp_ns: int, position: Array) -> None:
-        """Nominal joint angles that were asked for, (m,) [rad]."""
+        """Record commanded nominal joint angles, (m,) [rad]."""
         self._take(self._command, stamp_ns, position)
 
     def add_states(self, stamp_ns: int, position: Array) -> None:
-        """Joint angles by the encoders, (m,) [rad]."""
+        """Record joint angles measured by the encoders, (m,) [rad]."""
         self._take(self._states, stamp_ns, position)
 
     def add_tracker(self, stamp_ns: int, position: Array, quaternion: Array | None = None) -> None:
-        """Reading of the tracker: (3,) [m], and with a probe (4,) x y z w.
+        """Record a tracker reading: (3,) [m], and of a probe also a quaternion (4,) x y z w.
 
         The first reading decides whether this is a capture of points or of poses.
         """
@@ -97,19 +97,19 @@ class Capture:
             self.strangers += 1
 
     def add_temperature(self, part: str, stamp_ns: int, celsius: float) -> None:
-        """Temperature [deg C] of a part of the cell."""
+        """Record the temperature [deg C] of a part of the cell."""
         if self.running:
             rows = self._temperature.setdefault(part, _Rows(1))
             self._take(rows, stamp_ns, np.array([celsius]))
 
     def add_payload(self, stamp_ns: int, mass: float, centre: Array) -> None:
-        """What the platform carries from now on: mass [kg], centre of mass (3,) [m]."""
+        """Record the payload valid from now on: mass [kg], centre of mass (3,) [m]."""
         row = np.array([mass, *centre])
         self._payload_before = (stamp_ns, row)
         self._take(self._payload, stamp_ns, row)
 
     def frozen(self) -> Capture:
-        """What is held now, at once; its session may be made on another thread."""
+        """Cheap snapshot of the capture; its session may be made on another thread."""
         other = copy(self)
         other._command, other._states = self._command.frozen(), self._states.frozen()
         other._tracker = None if self._tracker is None else self._tracker.frozen()
@@ -118,7 +118,7 @@ class Capture:
         return other
 
     def session(self, source: str) -> Session:
-        """What is held now, as a session; a copy that later messages do not change."""
+        """Copy the recorded messages into a session; later messages do not change it."""
         return Session(
             source=source,
             command=self._joints(self._command),
@@ -134,7 +134,7 @@ class Capture:
         )
 
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what is not as it should be."""
+        """Warnings about the recording, one sentence each."""
         notes = []
         if self.lost:
             notes.append(f"{self.lost} messages were lost: a capture holds {self._limit} at most")
@@ -178,11 +178,11 @@ class Capture:
 
 
 class _Rows:
-    """Stamped rows of one width in compact blocks, of which the last one grows."""
+    """Growing table of stamped rows of equal width, stored in compact blocks."""
 
     def __init__(self, width: int) -> None:
         self.width = width
-        self.backward = 0  # stamps before the one before
+        self.backward = 0  # number of stamps earlier than their predecessor
         self._full: list[tuple[NDArray[np.int64], Array]] = []
         self._stamps, self._values = array("q"), array("d")
         self._last: int | None = None
@@ -201,19 +201,19 @@ class _Rows:
             self._stamps, self._values = array("q"), array("d")
 
     def frozen(self) -> _Rows:
-        """The same rows, to which none is added here; full blocks are shared."""
+        """Snapshot of the rows, unchanged by later appends; full blocks are shared."""
         other = copy(self)
         other._full = list(self._full)
         other._stamps, other._values = self._stamps[:], self._values[:]
         return other
 
     def stamps(self) -> NDArray[np.int64]:
-        """(n,) [ns]."""
+        """Stamps, (n,) [ns]."""
         blocks = [stamps for stamps, _ in self._full]
         return np.concatenate([*blocks, np.array(self._stamps, dtype=np.int64)])
 
     def values(self) -> Array:
-        """(n, width)."""
+        """Values, (n, width)."""
         blocks = [values for _, values in self._full]
         rows = np.concatenate([*blocks, np.array(self._values, dtype=np.float64)])
         return rows.reshape(-1, self.width)

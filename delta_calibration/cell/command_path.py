@@ -1,10 +1,10 @@
-"""From a joint command to what is sent to the drives, and back from what the encoders say.
+"""Conversion of joint commands to outputs for the drives, and of encoder readings back.
 
     sent = q + dq + gap
 
-dq is the compensator's correction on its ramp (`ramp.py`), or on its way to zero where there is
-none. gap is zero but after a hold: then it is the way from where the drives were held to where the
-commands are by then. The drives never see a jump that is not in the commands themselves.
+dq is the compensator's correction on its ramp (`ramp.py`); without a correction it ramps to zero.
+gap is zero except after a hold: then it starts as the position at which the drives were held less
+the wanted one, and ramps to zero. The drives never see a jump that the commands do not contain.
 """
 
 from __future__ import annotations
@@ -51,72 +51,73 @@ WAITING = (
     "is not known"
 )
 
-STATES_S = 0.5  # [s] age beyond which joint_states no longer say where the drives stand
+STATES_S = 0.5  # [s] largest age of joint_states that are used as the position of the drives
 
 _NOTHING = np.zeros(0)
-_ROUNDING = 1e-9  # [rad, m] of a limit that was given in degrees or millimetres
+_ROUNDING = 1e-9  # [rad, m] rounding error of a limit given in degrees or millimetres
 
 
 class Corrects(Protocol):
-    """What the path asks of a compensator: same command and conditions, same answer."""
+    """Interface of a compensator; equal commands and conditions must give equal results."""
 
     def compensate(self, q: Array, at: Conditions | None = None) -> Compensated:
-        """Correct commands, (n, m) [rad], given under these conditions, (n)."""
+        """Correct commands, (n, m) [rad], for n samples of the conditions."""
         ...
 
 
 @dataclass(frozen=True)
 class Sent:
-    """What goes to the drives."""
+    """Output to the drives."""
 
     joint: Array  # (m,) [rad]
-    compensated: bool  # to be marked, so that nobody compensates it again
-    # (k,) axes that the model passes through, as the command has them
+    compensated: bool  # whether to mark it, so that no other node compensates it again
+    # (k,) positions of the pass-through axes, as commanded
     carried: Array = field(default_factory=lambda: _NOTHING)
 
     @property
     def whole(self) -> Array:
-        """All that is sent, (m + k,): the robot's joints, then what is passed through."""
+        """Complete output, (m + k,): the robot's joints, then the pass-through axes."""
         return np.concatenate([self.joint, self.carried]) if self.carried.size else self.joint
 
 
 class CommandPath:
-    """State of the way from command to drives: pass-through or compensating.
+    """Processes the commands to the drives: passes them through or compensates them.
 
-    What fails a guard of the compensator goes out as it came (`pass_through`) or not at all, the
-    last good command in its place (`hold`; nothing, before there is one). After a hold the output
-    goes back on a ramp to where the commands are by then. A command that is not finite, older than
-    the timeout, or beyond a joint's limit goes out in neither case, compensation on or off; one
-    beyond a limit goes out at the limit where that is asked for.
+    A command that fails a guard of the compensator is sent uncorrected (`pass_through`), or the
+    last good output is sent instead (`hold`; nothing if there is none yet). After a hold, the
+    output ramps back to the current commands. A command that is not finite, older than the
+    timeout, or beyond a joint limit is never sent, whether compensation is on or off; with
+    `clamp`, a command beyond a limit is sent at the limit.
 
-    Axes that the model passes through go out as commanded, neither judged nor corrected; they are
-    held, and go back from where they were held, as the joints do.
+    Pass-through axes are sent as commanded, neither checked nor corrected; after a hold they ramp
+    back as the joints do.
 
-    The first output after a reset starts where the drives stand by `joint_states`, and goes to
-    the commands as after a hold. Where the reset was in a hold, it waits until they say so.
+    The first output after a reset starts at the position of the drives from `joint_states`, and
+    ramps to the commands as after a hold. If the reset came during a hold, nothing is sent until
+    this position is known.
 
     Attributes:
-        ramp: the correction that the drives have, and how fast it changes.
+        ramp: the correction applied to the drives, and its rate of change.
         compensator: None before there is a calibration.
-        counts: what was done, and how often.
-        trouble: what was wrong with the last command, in words.
+        counts: number of commands by the way they were handled.
+        trouble: problem with the last command as text; None if it had none.
         echo: the last outputs.
-        last_stamp: of the last command [ns]; None before the first.
+        last_stamp: stamp of the last command [ns]; None before the first.
 
     Args:
         on_failure: `pass_through` or `hold`.
-        ramp_s: time over which a correction comes and goes [s].
-        rate: fastest change of a joint's correction [rad/s or m/s]. A play is corrected by a step
-            where the motion turns round; the drives shall not be asked for it at once.
-        timeout_s: age [s] beyond which a command is not sent any more, nor one stamped as far
-            ahead; 0 for none.
-        speed: fastest motion of a joint on its way back from a hold [rad/s or m/s].
-        unit: of the joints, for what is told.
+        ramp_s: time over which a correction fades in or out [s].
+        rate: largest rate of a joint's correction [rad/s or m/s]. The correction of backlash steps
+            where the motion reverses; the limit keeps this step from the drives.
+        timeout_s: largest age [s] of a command that is sent, and largest time by which its stamp
+            may lie in the future; 0 for no limit.
+        speed: largest speed of a joint on its way back from a hold [rad/s or m/s].
+        unit: unit of the joints, for messages.
         limits: lowest and highest angle of each joint, each (m,) [rad]. Neither a command nor its
             correction brings a joint beyond one.
-        beyond_limits: `refuse` or `clamp`, of a command that is beyond one.
-        at_once_s: time [s] of a ramp, or of a correction at its rate, that one output makes up
-            for: where commands are far apart a correction comes in steps that are bounded.
+        beyond_limits: treatment of a command beyond a limit, `refuse` or `clamp`.
+        at_once_s: longest part [s] of a ramp, or of a rate-limited change, that one output may
+            advance: if commands are far apart, each step of the correction is still bounded.
     """
 
     def __init__(
@@ -138,31 +139,31 @@ class CommandPath:
         self.trouble: str | None = None
         self.compensator: Corrects | None = None
         self._cached: tuple[bytes, Compensated] | None = None
-        self._measured: tuple[Sent, float] | None = None  # where the drives stand, and when [s]
-        self._carried = _NOTHING  # with the command that is followed
+        self._measured: tuple[Sent, float] | None = None  # drives' position, time [s]
+        self._carried = _NOTHING  # pass-through axes of the current command
         self._held: Sent | None = None
-        self._holding = False  # whether the last output was the one before it again
+        self._holding = False  # whether the last output repeated the one before
         self._back: WayBack | None = None
-        self._astray = False  # whether the drives were left elsewhere than the commands
+        self._astray = False  # whether the drives were left away from the commands
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was sent, as after a pause of unknown length; compensation is off.
+        """Forget the past outputs, after a pause of unknown length, and switch compensation off.
 
-        The correction that the drives have been left with goes out over a ramp.
+        The correction that the drives still have fades out over a ramp.
         """
         self.enabled = False
         self.ramp.restart()
         self._astray = self._astray or self._holding or self._back is not None
         self._held, self._holding, self._back = None, False, None
-        self._begins = True  # whether nothing was sent since
-        self._interrupted = False  # whether time was lost since the last output
-        self._anothers = False  # whether the last output was corrected by another, and not here
+        self._begins = True  # whether nothing was sent since the reset
+        self._interrupted = False  # whether the stream was interrupted since the last output
+        self._anothers = False  # whether the last output was corrected by another node
         self.echo = Echo()
         self.last_stamp: int | None = None
 
     def shadow(self) -> CommandPath:
-        """The same path at this moment, for work on another thread; nothing is counted yet."""
+        """Copy of the path in its present state, for another thread, with all counts at zero."""
         shadow = copy(self)
         shadow.ramp, shadow.counts, shadow.trouble = copy(self.ramp), Counter(), None
         return shadow
@@ -175,10 +176,10 @@ class CommandPath:
         timeout_s: float = 0.0,
         beyond_limits: str = REFUSE,
     ) -> None:
-        """Change what happens on failure, the length of ramps from the next one on, and bounds.
+        """Change the failure policy, the limits, and the length of ramps from the next one on.
 
         Raises:
-            InputError: no such choice, a negative time, or a rate that is not above zero.
+            InputError: an unknown choice, a negative time, or a rate that is not above zero.
         """
         if on_failure not in ON_FAILURE:
             raise InputError(f"on_failure {on_failure!r}; choose from: {', '.join(ON_FAILURE)}")
@@ -201,41 +202,41 @@ class CommandPath:
 
     @property
     def loaded(self) -> bool:
-        """Whether there is a calibration to compensate by."""
+        """Whether a calibration is loaded."""
         return self.compensator is not None
 
     def load(self, compensator: Corrects | None) -> None:
-        """Take another compensator; where compensation is on, its correction is ramped in."""
+        """Replace the compensator; if compensation is on, its correction is ramped in."""
         self.compensator, self._cached = compensator, None
         self.enabled = self.enabled and compensator is not None
 
     def enable(self, on: bool) -> None:
-        """Switch compensation; its correction comes or goes over the ramp.
+        """Switch compensation on or off; its correction fades in or out over the ramp.
 
         Raises:
-            DataError: nothing loaded to compensate by.
+            DataError: no calibration is loaded.
         """
         if on and self.compensator is None:
             raise DataError("there is no calibration for compensation: fit or load one first")
         self.enabled = on
 
     def stand(self, measured: Array, now_s: float, carried: Array = _NOTHING) -> None:
-        """Take notice of where the drives stand, (m,) [rad], by `joint_states`.
+        """Update the position of the drives, (m,) [rad], from `joint_states`.
 
-        And where what is passed through stands, (k,), if they tell.
+        `carried` is the position of the pass-through axes, (k,), or empty if not reported.
         """
         self._measured = Sent(measured, False, carried), now_s
 
     def interrupt(self) -> None:
-        """The next command comes after lost time: no jump to it, as fast as the joints may."""
+        """Note an interruption: the output moves to the next command at the joints' speed."""
         self._interrupted = self._held is not None
 
     def in_time(self, age_s: float) -> bool:
-        """Whether a command of this age [s] may be sent, as far as that goes."""
+        """Whether the age [s] of a command is within the timeout."""
         return self.timeout_s == 0.0 or abs(age_s) <= self.timeout_s
 
     def takes(self, q: Array, age_s: float) -> bool:
-        """Whether a command (m,) [rad] of this age [s] may be sent at all."""
+        """Whether a command (m,) [rad] is finite and its age [s] is within the timeout."""
         return not self._against(q, age_s)
 
     def send(
@@ -248,20 +249,20 @@ class CommandPath:
         age_s: float = 0.0,
         carried: Array = _NOTHING,
     ) -> Sent | None:
-        """What to send for a command.
+        """Process a command and return the output to send for it.
 
         Args:
             q: nominal joint angles, (m,) [rad].
-            stamp_ns: of the command.
-            now_s: steady time, for the ramp.
-            already: whether the command carries the mark of a compensated one.
-            at: what the compensator may need to know beside the command, one sample.
-            age_s: of the command when it came [s], by a clock that it was stamped by as well; not
-                a number where there is no such clock.
-            carried: with it, of axes that are passed through, (k,).
+            stamp_ns: stamp of the command [ns].
+            now_s: steady time [s], for the ramp.
+            already: whether the command is marked as compensated.
+            at: conditions of the command, one sample, if the compensator needs them.
+            age_s: age of the command at its arrival [s], by the clock of its stamp; NaN if that
+                clock is not available.
+            carried: positions of the pass-through axes, (k,).
 
         Returns:
-            What goes out; None if nothing does.
+            The output; None if nothing is sent.
         """
         self.trouble, self._carried = None, carried
         self._watch_time(stamp_ns)
@@ -296,14 +297,14 @@ class CommandPath:
             self.trouble = f"{verdict.value}: {found.missing}"
         if self.on_failure == HOLD:
             return self._instead()
-        # One that is blended out to nothing at the edge ends there without a ramp of its own.
+        # A correction blended out to zero at the edge of the region needs no ramp of its own.
         faded = verdict is CommandStatus.OUTSIDE_REGION and found.share is not None
         source = self.compensator if faded else None
         return self._ramped(q, np.zeros_like(q), source, now_s)
 
     @property
     def steady(self) -> bool:
-        """Whether nothing is to be done for the next command but to correct it."""
+        """Whether the next command only has to be corrected: no ramp, hold or return is active."""
         back = self._begins or self._holding or self._interrupted or self._back is not None
         return self.enabled and not back and self.ramp.is_over(self.compensator)
 
@@ -316,15 +317,15 @@ class CommandPath:
         blended: bool = False,
         carried: Array = _NOTHING,
     ) -> Sent:
-        """Take notice of what a shorter way has sent while `steady`: a command, corrected.
+        """Update the state after the fast path (`usual.py`) has sent a command while `steady`.
 
         Args:
-            dq: its correction, (m,) [rad].
-            joint: what was sent, (m,) [rad]; `echo.kept` has it already.
-            stamp_ns: of the command.
-            now_s: steady time.
+            dq: correction of the command, (m,) [rad].
+            joint: output, (m,) [rad]; `echo.kept` has it already.
+            stamp_ns: stamp of the command [ns].
+            now_s: steady time [s].
             blended: whether only a part of the correction was applied.
-            carried: what was passed through with it, (k,).
+            carried: positions of the pass-through axes, (k,).
         """
         self.trouble, self._anothers = None, False
         self.last_stamp = stamp_ns
@@ -337,7 +338,7 @@ class CommandPath:
         return self._held
 
     def refuse(self, why: str) -> Sent | None:
-        """What to send in the place of a command that could not be understood."""
+        """Count a malformed command, and return the output to send instead."""
         self.counts[REFUSED] += 1
         self.trouble = why
         return self._instead()
@@ -352,7 +353,7 @@ class CommandPath:
         return 0.0 if self._anothers else float(np.abs(self.ramp.applied).max())
 
     def within(self, q: Array, joint: Array) -> Array | None:
-        """What is within limits of `joint`, asked for commands q, (..., m) [rad]; None if all."""
+        """Clip outputs `joint` of commands q, (..., m) [rad], to the limits; None if unchanged."""
         if self._limits is None:
             return None
         lower, upper = self._limits
@@ -362,9 +363,9 @@ class CommandPath:
         return None if np.array_equal(inside, joint) else inside
 
     def inside(self, q: Array) -> Array | None:
-        """Commands (..., m) as far as the joints' limits let them go; None where that is refused.
+        """Commands (..., m) within the joint limits; None if one is beyond and policy is `refuse`.
 
-        What is beyond is counted where it is brought to the limit.
+        With `clamp`, commands beyond a limit are set to it and counted.
         """
         if self._limits is None:
             return q
@@ -378,7 +379,7 @@ class CommandPath:
         return np.clip(q, lower, upper)
 
     def _against(self, q: Array, age_s: float) -> str:
-        """Why a command (m,) [rad] of this age [s] is not sent at all; empty where it may be."""
+        """Reason not to send a command (m,) [rad] of this age [s]; empty if it may be sent."""
         if not _finite(q):
             return CommandStatus.NOT_FINITE.value
         if self.in_time(age_s):
@@ -393,12 +394,12 @@ class CommandPath:
         self.last_stamp = stamp_ns
 
     def count(self, trouble: str) -> None:
-        """Something was wrong with the last command."""
+        """Count and record a problem with the last command."""
         self.counts[trouble] += 1
         self.trouble = trouble
 
     def _compensated(self, compensator: Corrects, q: Array, at: Conditions | None) -> Compensated:
-        """The compensator's answer, remembered while command and conditions stand still."""
+        """The compensator's result, cached while command and conditions do not change."""
         key = q.tobytes() + (b"" if at is None else at.fingerprint())
         if self._cached is None or self._cached[0] != key:
             self._cached = (key, compensator.compensate(q[None], at))
@@ -416,21 +417,21 @@ class CommandPath:
         return self._go(q, dq, self.enabled or bool(np.any(dq)), now_s)
 
     def _unchanged(self, q: Array, again: Output | None, now_s: float) -> Sent:
-        """Send what has been through here, or through another compensator, as it came."""
-        if again is None:  # neither the end of a ramp of ours nor a place to begin from
+        """Send a command unchanged that this or another compensator has already corrected."""
+        if again is None:  # another node's: neither ends a ramp here nor is a start for one
             self._anothers = True
             return self._go(q, np.zeros_like(q), True, now_s)
         self.ramp.resume(again.stage, now_s)
         held = self._held
         if self._holding and held is not None and (again.astray or again.is_at(held.joint)):
-            return held  # the commands are not back yet
+            return held  # the commands have not returned yet
         if again.astray:
             self._held = Sent(q, True, self._carried)
             return self._held
         return self._go(q, np.zeros_like(q), True, now_s)
 
     def _go(self, q: Array, dq: Array, compensated: bool, now_s: float) -> Sent:
-        """Send q + dq, or what lies between that and where the drives were held."""
+        """Send q + dq, or a point on the way back to it from where the drives were held."""
         joint, carried = q + dq, self._carried
         stopped = self._holding or self._interrupted
         stood = self._held if stopped else None
@@ -456,13 +457,13 @@ class CommandPath:
         return self._held
 
     def _start(self, now_s: float) -> Sent | None:
-        """Where the drives stand; None where nothing recent says it."""
+        """Measured position of the drives; None if not known or too old."""
         if self._measured is None or now_s - self._measured[1] > STATES_S:
             return None
         return self._measured[0]
 
     def _instead(self) -> Sent | None:
-        """The last good output when holding; nothing otherwise."""
+        """The last good output if the policy is `hold`; None otherwise."""
         if self.on_failure == HOLD and self._held is not None:
             self.counts[HELD] += 1
             self._holding = True
@@ -472,9 +473,9 @@ class CommandPath:
 
 
 def _gap(stood: Sent, joint: Array, carried: Array) -> Array:
-    """From where the drives are wanted to where they stood, (m + k,).
+    """Position at which the drives stood less the wanted one, (m + k,).
 
-    Without the axes that are passed through where either does not tell of them, (m,).
+    Only the joints, (m,), if one of the two does not contain the pass-through axes.
     """
     beside = stood.carried - carried if stood.carried.shape == carried.shape else _NOTHING
     return np.concatenate([stood.joint - joint, beside])
@@ -485,4 +486,4 @@ def _between(lower: float, value: float, upper: float) -> bool:
 
 
 def _finite(q: Array) -> bool:
-    return all(map(isfinite, q.tolist()))  # of three numbers, a third of what numpy takes
+    return all(map(isfinite, q.tolist()))  # for three numbers, a third of numpy's time

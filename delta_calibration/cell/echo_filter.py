@@ -1,4 +1,4 @@
-"""Commands that come back: what was sent to the drives is commanded again, its mark lost."""
+"""Detection of echoes: outputs to the drives that come back as commands without their mark."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Output:
-    """What was sent to the drives."""
+    """Output that was sent to the drives."""
 
     joint: Array  # (m,) [rad]
     stage: Stage  # of the correction in it
-    astray: bool  # on its way back from a hold: no command's own place
+    astray: bool  # whether it is on the way back from a hold, so not at the place of a command
 
     def is_at(self, q: Array) -> bool:
         """Whether a command (m,) [rad] is this output."""
@@ -28,18 +28,18 @@ class Output:
 
     @property
     def odd(self) -> bool:
-        """Whether it is no command as any other, without its mark as well."""
+        """Whether it differs from its command, so that it is recognised even without its mark."""
         return self.astray or bool(np.abs(self.stage.applied).max() > LEAST)
 
 
 class Echo:
-    """The last outputs that are more than their commands.
+    """Store of the last outputs that were compensated or on the way back from a hold.
 
-    A command of the motion's own meets one of them to `SAME` in every joint by an accident that
-    a smooth motion does not have.
+    A smooth motion's own command practically never agrees with one of them to `SAME` in every
+    joint, so such a command is taken for an echo.
 
     Attributes:
-        kept: the outputs, as the compiled functions take them; None before the first.
+        kept: the outputs in the form of the compiled functions; None before the first.
     """
 
     def __init__(self) -> None:
@@ -54,9 +54,9 @@ class Echo:
         self._sent[row] = output.stage, output.astray
 
     def of(self, q: Array, marked: bool) -> Output | None:
-        """The newest output that a command (m,) [rad] is; None if it is none.
+        """Newest output equal to a command (m,) [rad]; None if there is none.
 
-        A marked one may have no correction in it yet, one that has lost its mark has.
+        A marked command may match any output, an unmarked one only an output that is `odd`.
         """
         if self.kept is None:
             return None
@@ -65,6 +65,6 @@ class Echo:
         return None if known is None else Output(self.kept.joint[row].copy(), *known)
 
     def kept_already(self, stage: Stage) -> None:
-        """Of the last output, which compiled code has put into `kept`: what is not kept there."""
+        """Add the stage of the last output, which compiled code has already put into `kept`."""
         if self.kept is not None:
             self._sent[(int(self.kept.told[0]) - 1) % KEPT] = stage, False

@@ -1,4 +1,4 @@
-"""Whether a command is one of the last outputs: compiled, for `Echo`."""
+"""Compiled search for a command among the last outputs, for `Echo`."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from delta_calibration.model.jit import compiled, record
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-LEAST = 1e-7  # [rad] a correction below this does no harm twice
+LEAST = 1e-7  # [rad] a correction below this may be applied twice without harm
 KEPT = 256  # outputs: a quarter of a second at 1 kHz, longer than a loop through a controller
-SAME = 1e-9  # [rad] a command this near an output is that output
+SAME = 1e-9  # [rad] a command this near an output is taken for that output
 
 
 @record
 class Outputs(NamedTuple):
-    """The last outputs; the one of number n is in row n % KEPT."""
+    """Ring buffer of the last outputs; output number n is in row n % KEPT."""
 
     first: Array  # (KEPT,) [rad] angle of the first joint
     joint: Array  # (KEPT, m) [rad]
-    odd: NDArray[np.bool_]  # (KEPT,) no command as any other, without its mark as well
-    told: Index  # (1,) of all that were sent
+    odd: NDArray[np.bool_]  # (KEPT,) whether it differs from its command; see `Output.odd`
+    told: Index  # (1,) number of outputs stored so far
 
 
 def outputs(joints: int) -> Outputs:
-    """Room for outputs of so many joints, none there yet."""
+    """Create an empty buffer for outputs of that many joints."""
     return Outputs(
         np.full(KEPT, np.nan),
         np.zeros((KEPT, joints)),
@@ -39,7 +39,7 @@ def outputs(joints: int) -> Outputs:
 
 @compiled(borrows=True)
 def remember(own: Outputs, joint: Array, odd: bool) -> int:
-    """Take an output (m,) [rad]; the row it is in."""
+    """Store an output (m,) [rad] and return its row."""
     row = int(own.told[0] % KEPT)
     own.first[row] = joint[0]
     for j in range(len(joint)):
@@ -51,9 +51,9 @@ def remember(own: Outputs, joint: Array, odd: bool) -> int:
 
 @compiled(borrows=True)
 def row_of(own: Outputs, q: Array, marked: bool) -> int:
-    """Row of the newest output that a command (m,) [rad] is; -1 if it is none.
+    """Row of the newest output equal to a command (m,) [rad]; -1 if there is none.
 
-    A marked one may have no correction in it yet, one that has lost its mark has.
+    A marked command may match any output, an unmarked one only an output that is `odd`.
     """
     found = -1
     for row in range(KEPT):
@@ -68,7 +68,7 @@ def row_of(own: Outputs, q: Array, marked: bool) -> int:
 
 @compiled(borrows=True)
 def _age(own: Outputs, row: int) -> int:
-    """How many outputs came after that of a row."""
+    """Number of outputs stored after that of a row."""
     return int((own.told[0] - 1 - row) % KEPT)
 
 

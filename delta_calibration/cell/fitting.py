@@ -1,4 +1,4 @@
-"""From what a cell captured to a calibration it can compensate by."""
+"""Fit of a calibration to the session that a cell has captured."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ CHECK, POSES, GEOMETRY, COMPENSATOR = "check", "still moments", "geometry", "com
 FIT_STEPS = (CHECK, POSES, GEOMETRY, COMPENSATOR)
 DIAGNOSIS_STEPS = (CHECK, POSES, *STEPS, COMPENSATOR)
 Step = Callable[[str], None]
-_LAST = 5  # poses whose errors are told one by one
+_LAST = 5  # number of poses whose errors are listed one by one
 
 
 def silent(step: str) -> None:
-    """Nobody asks how far it is."""
+    """Progress callback that does nothing."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a machine before a fit, and sentences on it."""
+    """Prior knowledge of a machine before a fit, with messages and doubts about it."""
 
-    carried: Carried | None = None  # None where the drawing is all
+    carried: Carried | None = None  # None if only the drawing is known
     told: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
 
@@ -46,23 +46,23 @@ Ask = Callable[[Survey, str | None], Known]  # of a session and the mechanism th
 
 
 def drawing_only(seen: Survey, model: str | None) -> Known:
-    """Nothing is known of the machine but its drawing."""
+    """Return no prior knowledge beyond the drawing."""
     return Known()
 
 
 @dataclass(frozen=True)
 class FittedCalibration:
-    """A calibration with what it was made from; by a diagnosis where there is one."""
+    """Calibration with the poses and the identification, and the diagnosis if one was made."""
 
     found: Identification
     poses: Poses
     calibration: Calibration
     diagnosis: Diagnosis | None = None
     known: Known = Known()
-    kept: str = ""  # what became of it in the history, as a sentence
+    kept: str = ""  # sentence on whether it was added to the history
 
     def save(self, path: Path, robot: Robot) -> None:
-        """Write the calibration file, whole or not at all.
+        """Write the calibration file atomically.
 
         Raises:
             ConfigError: the file cannot be written.
@@ -70,12 +70,12 @@ class FittedCalibration:
         save_calibration(path, self.found, robot, self.poses)
 
     def document(self, robot: Robot) -> dict[str, Any]:
-        """What its file would hold."""
+        """Content of the calibration file."""
         return document_of(self.found, robot, self.poses)
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What to know before it is relied on, a sentence each; none where all is well."""
+        """Doubts about the calibration, one sentence each; empty if there are none."""
         if self.diagnosis is not None:
             return self.diagnosis.doubts
         return (*self.known.doubts, *doubts(self.found))
@@ -86,7 +86,7 @@ class FittedCalibration:
         return ", ".join(mm(float(each)) for each in left)
 
     def sentence(self) -> str:
-        """The result in a line: rank, the error left and the noise beside it."""
+        """Result in one line: number of poses, rank, error left, noise of a pose and warnings."""
         found, seen = self.found, self.found.observability
         noise = f"noise of a pose: {mm(1e3 * found.noise.floor)} mm"
         warning = "".join(f"; warning: {text}" for text in self.doubts)
@@ -115,13 +115,13 @@ def fit(
         session: what was captured.
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        seed: of the division into held-out parts.
-        step: is told of each of `FIT_STEPS` as it begins, but for the last.
-        ask: says what is known of the machine beforehand.
+        seed: seed of the division into held-out parts.
+        step: callback that gets each of `FIT_STEPS` when it begins, except the last.
+        ask: function that returns the prior knowledge of the machine.
 
     Raises:
-        MistakeError: the session was recorded with a mistake; says which and what mends it.
-        CalibrationError: the session does not hold the answer; says why.
+        MistakeError: the session was recorded with a mistake; says which and how to correct it.
+        CalibrationError: the session does not determine a calibration; says why.
     """
     step(CHECK)
     require_sound(session, robot)
@@ -136,18 +136,18 @@ def fit(
 def diagnosed(
     session: Session, robot: Robot, model: str | None, seed: int, step: Step = silent
 ) -> FittedCalibration:
-    """Identify the robot and extend its model by what a session shows to be missing.
+    """Identify the robot and extend its model by the effects that a session shows.
 
     Args:
         session: what was captured.
         robot: drawing, priors, tracker.
         model: name of a mechanism; the robot file's own where not given.
-        seed: of bootstraps.
-        step: is told of each of `DIAGNOSIS_STEPS` as it begins, but for the last.
+        seed: seed of the bootstraps.
+        step: callback that gets each of `DIAGNOSIS_STEPS` when it begins, except the last.
 
     Raises:
-        MistakeError: the session was recorded with a mistake; says which and what mends it.
-        CalibrationError: the session does not hold the answer; says why.
+        MistakeError: the session was recorded with a mistake; says which and how to correct it.
+        CalibrationError: the session does not determine a calibration; says why.
     """
     step(CHECK)
     require_sound(session, robot)

@@ -1,4 +1,4 @@
-"""Where in the workspace the guards acted: the last places, thinned out to a grid."""
+"""Last places in the workspace where a guard acted, thinned out to a grid."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ SEEN = {  # colour, and the dot's diameter [m], so that they differ in size as w
     PASSED: (VERMILION, 0.010),
     HELD: (PURPLE, 0.014),
 }
-_NO_GUARD = (ALREADY, ECHO, BACKWARD)  # said of commands that went out all the same
-_WAITING = 200  # commands that are not placed yet; those before are let go
-_CELL = 0.005  # [m] two places nearer than this are one
-_KEPT = 500  # places
+_NO_GUARD = (ALREADY, ECHO, BACKWARD)  # notes on commands that were sent all the same
+_WAITING = 200  # commands whose places are not computed yet; older ones are dropped
+_CELL = 0.005  # [m] edge of a grid cell; places in one cell count as one
+_KEPT = 500  # places kept
 
 
 class GuardTrail:
-    """Takes commands as they pass, and places them when somebody looks, on whatever thread."""
+    """Collects commands on which a guard acted; computes their places later, on any thread."""
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[str, Array]] = deque(maxlen=_WAITING)
@@ -43,7 +43,7 @@ class GuardTrail:
         self._blended = 0
 
     def see(self, q: Array, path: CommandPath) -> None:
-        """Remember a command (m,) [rad] if a guard acted on it; on the command path, so brief."""
+        """Remember a command (m,) [rad] if a guard acted on it; fast, as on the command path."""
         blended, trouble = path.counts.get(BLENDED, 0), path.trouble
         if trouble is None and blended == self._blended:
             return
@@ -55,16 +55,16 @@ class GuardTrail:
 
     @property
     def waiting(self) -> bool:
-        """Whether there is anything to be placed."""
+        """Whether there are commands whose places are not computed yet."""
         return bool(self._waiting)
 
     def clear(self) -> None:
-        """Forget the places, as when another calibration comes into force."""
+        """Forget the places, for example when another calibration is loaded."""
         self._waiting.clear()
         self._places.clear()
 
     def placed(self, robot: Robot) -> bool:
-        """Place what is waiting, by the drawing; whether there is anything new to be seen."""
+        """Compute places of waiting commands by the nominal model; return whether any is new."""
         waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
         before = len(self._places), next(iter(self._places), None)
         for what in SEEN:
@@ -78,7 +78,7 @@ class GuardTrail:
         return before != (len(self._places), next(iter(self._places), None))
 
     def drawings(self) -> tuple[Drawing, ...]:
-        """Dots where the guards acted, one drawing a kind of act."""
+        """Dots where the guards acted, one drawing for each kind of action."""
         found = []
         for what, (colour, size) in SEEN.items():
             points = [point for (kind, *_), point in self._places.items() if kind == what]

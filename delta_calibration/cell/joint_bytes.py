@@ -1,13 +1,13 @@
-"""JointState as bytes: where its numbers stand in them, and bytes made of numbers.
+"""Serialized JointState messages: positions of their numbers in the bytes, and their writing.
 
-A serialized `sensor_msgs/msg/JointState` is, in plain CDR (XCDR version 1), after an encapsulation
-of four bytes that says which end of a number comes first, its numbers at multiples of their size:
+A serialized `sensor_msgs/msg/JointState` in plain CDR (XCDR version 1) begins with an
+encapsulation of four bytes, which gives the byte order. Then, each number aligned to its size:
 
     int32 sec, uint32 nanosec, string frame_id, sequences of: string name, double position,
     double velocity, double effort
 
-A string is its length, with the zero at its end, and its characters; a sequence its length and
-its entries. As long as names, frame and sizes do not change, every number stays where it is.
+A string is its length, with the terminating zero, and its characters; a sequence its length and
+its entries. As long as names, frame and sizes do not change, no number changes its place.
 """
 
 from __future__ import annotations
@@ -27,24 +27,24 @@ Index = NDArray[np.int64]
 STAMP = 4  # where the stamp's eight bytes begin
 LITTLE, BIG = b"\x00\x01", b"\x00\x00"  # encapsulations of plain CDR
 _HEAD = LITTLE + b"\x00\x00"
-_ALIGNED_FROM = 4  # multiples are counted from the end of the encapsulation
+_ALIGNED_FROM = 4  # alignment is counted from the end of the encapsulation
 _STAMPS = {LITTLE: struct.Struct("<iI"), BIG: struct.Struct(">iI")}
-_TAIL = 16  # bytes behind the message that a sender may leave
+_TAIL = 16  # padding bytes that a sender may leave behind the message
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the numbers of one sender's JointState stand in its bytes.
+    """Layout of one sender's serialized JointState: places of its numbers in the bytes.
 
     Attributes:
-        size: of all messages of this layout.
-        little: whether the low end of a number comes first.
-        frame_id: of the header.
-        names: (n,) of the joints.
-        position: place of the first position.
-        positions: how many there are.
+        size: length of all messages of this layout [bytes].
+        little: whether the byte order is little-endian.
+        frame_id: frame of the header.
+        names: (n,) names of the joints.
+        position: byte offset of the first position.
+        positions: number of positions.
         changing: whether a byte may differ from message to message, (size,): those of the stamp,
-            of positions, velocities and efforts, and those that only fill up.
+            of positions, velocities and efforts, and padding.
     """
 
     size: int
@@ -57,26 +57,26 @@ class Layout:
 
     @classmethod
     def of(cls, message: bytes) -> Layout | None:
-        """The layout of a message; None where it is no such message in plain CDR."""
+        """Layout of a message; None if it is no JointState in plain CDR."""
         try:
             return _Walk(message).layout()
         except (_NotPlainError, UnicodeDecodeError):
             return None
 
     def read(self, message: bytes) -> Array:
-        """Positions (n,) of a message of this layout, in its own order."""
+        """Read the positions (n,) of a message of this layout, in the order of the message."""
         kind = "<f8" if self.little else ">f8"
         found = np.frombuffer(message, kind, self.positions, self.position)
         return found.astype(np.float64)
 
     def fixed(self, message: bytes) -> tuple[Index, NDArray[np.uint8]]:
-        """The bytes that no message of this layout changes: where they stand, and they."""
+        """Indices and values of the bytes that are equal in all messages of this layout."""
         at = np.flatnonzero(~self.changing)
         return at, np.frombuffer(message, np.uint8)[at]
 
 
 def stamp_of(message: bytes) -> tuple[int, int] | None:
-    """Seconds and nanoseconds of the stamp; None where this is no message in plain CDR."""
+    """Seconds and nanoseconds of the stamp; None if this is no message in plain CDR."""
     kind = _STAMPS.get(message[:2])
     if kind is None or len(message) < STAMP + 8:
         return None
@@ -85,11 +85,11 @@ def stamp_of(message: bytes) -> tuple[int, int] | None:
 
 
 class Bytes:
-    """JointState messages of one set of joints, without velocity and effort, as bytes.
+    """Writer of serialized JointState messages of one set of joints, without velocity and effort.
 
     Args:
-        names: (m,) of the joints.
-        frame_id: of the header.
+        names: (m,) names of the joints.
+        frame_id: frame of the header.
     """
 
     def __init__(self, names: Sequence[str], frame_id: str = "") -> None:
@@ -111,10 +111,11 @@ class Bytes:
         self._end = self.template[self.position + 8 * len(names) :]
 
     def message(self, position: Array, stamp: tuple[int, int]) -> bytes:
-        """A message with positions (m,) and a stamp of seconds and nanoseconds.
+        """Serialize a message with positions (m,) and a stamp of seconds and nanoseconds.
 
         Raises:
-            InputError: as many positions as names are needed, all of them finite.
+            InputError: the number of positions differs from that of the names, or one is not
+                finite.
         """
         if position.shape != (len(self._names),) or not np.isfinite(position).all():
             raise InputError(f"JointState: {position} for {list(self._names)} is not to be sent")
@@ -124,11 +125,11 @@ class Bytes:
 
 
 class _NotPlainError(Exception):
-    """These bytes are no JointState in plain CDR."""
+    """Raised if the bytes are no JointState in plain CDR."""
 
 
 class _Walk:
-    """A walk through the bytes of a message, from its beginning to its end."""
+    """Parser that reads the bytes of a message from beginning to end."""
 
     def __init__(self, message: bytes) -> None:
         if message[:2] not in _STAMPS:
@@ -153,7 +154,7 @@ class _Walk:
         return Layout(size, self._little, frame_id, names, position, positions, self._changing)
 
     def _step(self, count: int) -> int:
-        """Go on by so many bytes; where they begin."""
+        """Advance by that many bytes; return the offset of the first."""
         begin = self._at
         if count > len(self._message) - begin:
             raise _NotPlainError
@@ -161,7 +162,7 @@ class _Walk:
         return begin
 
     def _numbers(self, count: int) -> int:
-        """Go on by so many bytes that may differ from message to message."""
+        """Advance by that many bytes, marked as changing; return the offset of the first."""
         begin = self._step(count)
         self._changing[begin : self._at] = True
         return begin
@@ -170,7 +171,7 @@ class _Walk:
         self._numbers((_ALIGNED_FROM - self._at) % size)
 
     def _count(self, least: int) -> int:
-        """Length of what follows, whose entries have at least so many bytes."""
+        """Read the length of a string or sequence whose entries have at least `least` bytes."""
         self._align(4)
         count = int(self._size.unpack_from(self._message, self._step(4))[0])
         if count * least > len(self._message) - self._at:
@@ -187,7 +188,7 @@ class _Walk:
 
     def _doubles(self) -> tuple[int, int]:
         count = self._count(8)
-        if count:  # an empty sequence fills up to nothing
+        if count:  # an empty sequence has no padding
             self._align(8)
         return self._numbers(8 * count), count
 

@@ -1,7 +1,7 @@
-"""How the commanded joints move, command by command: compiled, for `Surroundings`.
+"""Compiled tracking of the commanded joint motion, command by command, for `Surroundings`.
 
-For every joint the direction and the travel since it last turned round (see data/motion.py);
-speed and acceleration by a parabola over the last tenth of a second, by the commands' stamps.
+Determines for every joint the direction and the travel since its last reversal (data/motion.py),
+and speed and acceleration from a parabola fitted over the last tenth of a second of stamps.
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from delta_calibration.model.jit import compiled, record
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-BEGUN, FIRST, NUMBER = range(3)  # whether a command came; the oldest that is kept; how many are
+BEGUN, FIRST, NUMBER = range(3)  # whether a command came; row of the oldest one kept; number kept
 KEPT = 200  # commands
-_WINDOW = 0.1  # [s] over which speeds are taken
-_PAUSE = 0.25  # [s] after which the joints are taken to stand
-_FEWEST = 3  # commands for an acceleration
-_SPREAD = 1e-14  # of the square of a power of time: less is the rounding of stamps that are one
+_WINDOW = 0.1  # [s] over which speeds are fitted
+_PAUSE = 0.25  # [s] between commands, after which the joints are assumed to stand
+_FEWEST = 3  # commands needed for an acceleration
+_SPREAD = 1e-14  # mean square of the quadratic term below which it is only rounding of the stamps
 
 
 @record
 class Motion(NamedTuple):
-    """What is remembered of the commands so far."""
+    """State of the motion from the commands so far."""
 
-    turned: float  # [rad] way back from the farthest point that is a turn
-    farthest: Array  # (m,) [rad] the stroke has come
+    turned: float  # [rad] way back from the farthest point that counts as a reversal
+    farthest: Array  # (m,) [rad] farthest angle of the present stroke
     direction: Array  # (m,) -1, 0, 1
-    turn: Array  # (m,) [rad] where the stroke began; NaN before the first turn
+    turn: Array  # (m,) [rad] angle where the stroke began; NaN before the first reversal
     stamp: Index  # (KEPT,) [ns]
     angle: Array  # (KEPT, m) [rad]
     told: Index  # (3,) see BEGUN
@@ -39,7 +39,7 @@ class Motion(NamedTuple):
 
 
 def motion(joints: int, turned: float) -> Motion:
-    """Memory of joints that have not moved yet."""
+    """Create the state of joints that have not moved yet."""
     return Motion(
         float(turned),
         np.zeros(joints),
@@ -53,7 +53,7 @@ def motion(joints: int, turned: float) -> Motion:
 
 
 def apart(own: Motion) -> Motion:
-    """The strokes as they are, to be moved on without a trace in the original; no speeds yet."""
+    """Copy of the strokes, independent of the original and without a history of speeds."""
     other = motion(len(own.turn), own.turned)
     other.farthest[:], other.direction[:], other.turn[:] = own.farthest, own.direction, own.turn
     other.told[BEGUN] = own.told[BEGUN]
@@ -62,7 +62,7 @@ def apart(own: Motion) -> Motion:
 
 @compiled(borrows=True)
 def moved(own: Motion, q: Array, stamp_ns: int) -> None:
-    """Take notice of a command (m,) [rad]; one that is not newer than the last begins anew."""
+    """Take a command (m,) [rad]; speeds restart if its stamp is not newer or after a pause."""
     for i in range(len(q)):
         _stroke(own, i, q[i])
     own.told[BEGUN] = 1
@@ -86,7 +86,7 @@ def moved(own: Motion, q: Array, stamp_ns: int) -> None:
 
 @compiled(borrows=True)
 def _stroke(own: Motion, i: int, angle: float) -> None:
-    """Joint i has come to an angle [rad]; see `data.motion.Stroke`."""
+    """Update the stroke of joint i with its new angle [rad]; see `data.motion.Stroke`."""
     if own.told[BEGUN] == 0:
         own.farthest[i], own.direction[i], own.turn[i] = angle, 0.0, np.nan
         return
@@ -105,7 +105,7 @@ def _stroke(own: Motion, i: int, angle: float) -> None:
 
 @compiled(borrows=True)
 def travelled(own: Motion, q: Array, direction: Array, travel: Array) -> None:
-    """Direction of every joint, and its way since the last turn [rad], infinite before, (m,)."""
+    """Fill in direction and travel since the last reversal [rad] (inf before the first), (m,)."""
     for i in range(len(q)):
         begun = own.told[BEGUN] != 0
         direction[i] = own.direction[i] if begun else 0.0
@@ -115,9 +115,9 @@ def travelled(own: Motion, q: Array, direction: Array, travel: Array) -> None:
 
 @compiled(borrows=True)
 def speeds(own: Motion, velocity: Array, acceleration: Array) -> None:
-    """Speed and acceleration at the last command, (m,); none where it repeats the one before.
+    """Fill in speed and acceleration at the last command, (m,); 0 if it repeats the one before.
 
-    Least squares by polynomials that are orthogonal at the stamps: well conditioned at any rate.
+    Least squares with polynomials orthogonal at the stamps: well conditioned at any rate.
     """
     first, number = own.told[FIRST], own.told[NUMBER]
     for j in range(len(velocity)):
@@ -130,7 +130,7 @@ def speeds(own: Motion, velocity: Array, acceleration: Array) -> None:
         same = same and own.angle[last, j] == own.angle[before, j]
     if same:
         return
-    # About the last command, and in units of the whole time.
+    # Time relative to the last command, in units of the whole span.
     span, powers = (own.stamp[last] - own.stamp[first]) * 1e-9, own.powers
     mean = 0.0
     for k in range(number):
@@ -168,6 +168,6 @@ def notice(own: Motion, q: Array, stamp_ns: int) -> None:
 
 @compiled(alone=True)
 def state(own: Motion, q: Array, found: Array) -> None:
-    """Velocity, acceleration, direction and travel at the last command, rows of found (4, m)."""
+    """Write velocity, acceleration, direction and travel at the last command into found (4, m)."""
     speeds(own, found[0], found[1])
     travelled(own, q, found[2], found[3])

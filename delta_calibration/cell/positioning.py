@@ -1,7 +1,7 @@
-"""Points driven right by the tracker or a camera alone: stop after stop, target after target.
+"""Model-free correction of tool points by a tracker or a camera, target after target.
 
-First the tracker's frame, or the camera's place, unless it is given; then for each target the grid
-search, as often as wanted, and a stop with the mean correction, which took no part in finding it.
+First the tracker's frame or the camera's pose is determined, unless it is given. Then each target
+gets several grid searches, and a stop with the mean correction as an independent check.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from delta_calibration.robot import Robot, Sight
 Array = NDArray[np.float64]
 
 FEWEST_FRAME_STOPS = 4
-_IN_PLANE = (0, 1)  # what a camera above it shows of a place
+_IN_PLANE = (0, 1)  # coordinates of a position that a camera above the plane measures
 _RIM = 24  # points of the plan `identify` that lie on its rim: twelve directions, two heights
 
 
 @dataclass(frozen=True)
 class TrackerFrame:
-    """The tracker's frame, laid by the best rigid motion on stops of the robot itself.
+    """The tracker's frame, by a rigid best fit to stops of the robot itself.
 
-    Errors are told in this frame. What of the robot's error moves all of its points alike, as a
-    rigid body, is in the frame: it is not seen and not corrected, whatever its size.
+    Errors are given in this frame. The part of the robot's error that moves all of its points like
+    a rigid body is absorbed by the frame: it is neither visible nor corrected, whatever its size.
     """
 
     frame: Frame  # T_tracker_base
@@ -46,7 +46,7 @@ class TrackerFrame:
 
     @classmethod
     def on(cls, commanded: Array, readings: Array) -> TrackerFrame:
-        """Laid on tool points (n, 3) [m] in the base and the readings of them.
+        """Fit the frame to tool points (n, 3) [m] in the base and their readings (n, 3) [m].
 
         Raises:
             DataError: too few points, or all on one line.
@@ -57,14 +57,14 @@ class TrackerFrame:
 
     @property
     def std(self) -> float:
-        """How far from here other stops would have laid a point [m].
+        """Standard deviation of a point due to the choice of stops [m].
 
-        Counts the robot's error, less its rigid part, as if it were random from stop to stop.
+        Treats the non-rigid part of the robot's error as random from stop to stop.
         """
         return self.rest * float(np.sqrt(6.0 / (3.0 * self.stops - 6.0)))
 
     def __str__(self) -> str:
-        """What it costs not to know the frame."""
+        """Sentence on the uncertainty due to the fitted frame."""
         return (
             f"tracker frame from {self.stops} stops of the robot itself, which deviate from it "
             f"by {self.rest * 1e3:.3f} mm (RMS); other stops would shift it by about "
@@ -75,16 +75,16 @@ class TrackerFrame:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What was found for one target; errors are distances from it as measured."""
+    """Result for one target; the errors are measured distances from it."""
 
     target: Array  # (3,) [m] in the base
     command: Array  # (m,) [rad] nominal
     dq: Array  # (m,) [rad] mean correction
     std: Array  # (m,) [rad] its standard uncertainty
-    before: float  # [m] mean over the searches' first stops
-    after: float  # [m] at a stop of its own
-    moves: int  # stops in all
-    stop: Stop  # the first reason other than the finest lattice, if any search had one
+    before: float  # [m] mean error at the first stops of the searches
+    after: float  # [m] error at a separate stop with the mean correction
+    moves: int  # total number of stops
+    stop: Stop  # why the searches ended: the first reason other than `FINEST`, if there is one
 
     @property
     def joint(self) -> Array:
@@ -93,24 +93,24 @@ class Outcome:
 
 
 class Positioning:
-    """Drive to `step`, `tell` the mean reading there, until `done`.
+    """Corrects target points: drive to `step`, `tell` the mean reading there, until `done`.
 
-    Readings are the tracker's, (3,) [m] in its own frame, or the camera's, (2,) [px]. By a camera
-    a place is taken to be at the target's height, and the errors are those in that plane.
+    Readings are the tracker's, (3,) [m] in its own frame, or the camera's, (2,) [px]. With a
+    camera, the tool is assumed to be at the target's height; the errors are those in that plane.
 
     Args:
-        robot: decides nominal joints, limits and what noise to expect.
+        robot: gives nominal joints, limits and the expected noise.
         targets: (n, 3) [m] tool points in the base.
-        settings: of the lattice; a noise of 0 is taken from the robot file for each target.
+        settings: settings of the lattice; a noise of 0 is replaced by the robot file's.
         repeats: searches for each target, 2 or more.
-        readings: averaged at a stop.
-        frame: how the tracker stands, a calibration; where the camera hangs; or so many stops to
-            find out.
-        camera: what measures, in the tracker's place.
+        readings: number of readings averaged at a stop.
+        frame: calibration with the tracker's frame, or pose of the camera, or number of stops to
+            determine it from.
+        camera: camera that measures instead of the tracker.
 
     Raises:
-        InputError: too few repeats, readings or stops, or a robot of which more is commanded than
-            a place of the tool, or of its image, or by more joints than it takes.
+        InputError: too few repeats, readings or stops; or a robot that also commands the tool's
+            orientation, more coordinates than an image shows, or has redundant joints.
         ReachError: a target out of reach.
     """
 
@@ -135,7 +135,7 @@ class Positioning:
                 f"robot {robot.name}: its joints command {self._model.task_size} coordinates of a "
                 "place; one image shows 2, x and y"
             )
-        self._axes = list(self._model.freedoms)  # of a place, that the joints command
+        self._axes = list(self._model.freedoms)  # position coordinates that the joints command
         self._robot, self._targets, self._settings = robot, targets, settings
         self._repeats, self._readings, self._given = repeats, readings, frame
         self._camera = camera
@@ -144,7 +144,7 @@ class Positioning:
         if isinstance(frame, CameraFrame):
             self.frame = frame
         self.outcomes: list[Outcome] = []
-        self.doing = ""  # what the next step is for
+        self.doing = ""  # description of the next step
         self._way = self._run()
         self._next: Array | None = next(self._way)
 
@@ -153,7 +153,7 @@ class Positioning:
         """Joint command to drive to next, (m,) [rad].
 
         Raises:
-            InputError: it is done, or was broken off by an error.
+            InputError: all targets are done, or an error ended the work.
         """
         if self._next is None:
             raise InputError(f"no targets left: {len(self.outcomes)} are done")
@@ -168,8 +168,8 @@ class Positioning:
         """Take the mean reading at `step`.
 
         Raises:
-            DataError: it is not finite, and the step still waits for one that is; or the readings
-                of the frame's stops lie on one line, which ends it.
+            DataError: the reading is not finite (the step then still waits for a finite one); or
+                the readings of the frame's stops lie on one line, which ends the work.
         """
         if not np.isfinite(reading).all():
             raise DataError(f"{self.doing}: reading {reading}; finite values are needed")
@@ -197,7 +197,7 @@ class Positioning:
             self.frame = CameraFrame.on(self._robot, self._camera, joints, np.array(readings))
 
     def _right(self, number: int) -> Generator[Array, Array, None]:
-        """Search for one target as often as wanted, and look what the mean comes to."""
+        """Repeat the search for one target, then measure the error with the mean correction."""
         target, command = self._targets[number], self._commands[number]
         settings, edges = self._laid(target, command)
         found: list[GridResult] = []
@@ -231,7 +231,7 @@ class Positioning:
         )
 
     def _laid(self, target: Array, command: Array) -> tuple[GridSettings, Array]:
-        """The lattice with the noise to expect at a target, and its nominal edges."""
+        """Lattice settings with the expected noise at a target, and the nominal lattice edges."""
         model, q = self._model, command[None]
         x, g = model.forward(q, model.parameters.nominal), model.parameters.nominal
         slope = model.point_by_pose(x, self._robot.tool_offset) @ model.velocity_jacobian(q, x, g)
@@ -242,7 +242,7 @@ class Positioning:
         return settings, slope * settings.unit
 
     def _noise(self, target: Array, slope: Array) -> float:
-        """Standard uncertainty of a coordinate at one stop: joints come to rest, it is read."""
+        """Standard uncertainty of a coordinate at a stop [m]: joint repeatability and readings."""
         rest = self._robot.joints.repeatability**2 * float(np.sum(slope**2))
         if isinstance(self.frame, CameraFrame):
             read = 2.0 * self.frame.noise(target) ** 2 / self._readings
@@ -253,7 +253,7 @@ class Positioning:
         return float(np.sqrt((read + rest) / 3.0))
 
     def _in_base(self, reading: Array, joint: Array, target: Array) -> Array:
-        """Where the tool is in the base, what the joints command of it, (axes,) [m]."""
+        """Measured tool position in the base, only the commanded coordinates, (axes,) [m]."""
         if isinstance(self.frame, CameraFrame):
             point = self.frame.in_plane(reading, float(target[2]))
         elif isinstance(self._given, Calibration):
@@ -273,9 +273,10 @@ class Positioning:
 
 
 def frame_joints(robot: Robot, count: int) -> Array:
-    """Stops that a frame can be laid on, (count, m) [rad]: about the rim, at two heights.
+    """Joint positions of stops for a frame fit, (count, m) [rad]: along the rim, at two heights.
 
-    A few go once around, high and low in turn: two directions alone would lie in one plane.
+    A small number goes once around, alternately high and low, as two directions alone would lie in
+    one plane.
     """
     rim = make_plan("identify", robot, count=max(count, _RIM), both_sides=False).joint
     number, half = np.arange(count), len(rim) // 2
@@ -285,10 +286,10 @@ def frame_joints(robot: Robot, count: int) -> Array:
 
 
 def require_outcomes(path: Path, names: Sequence[str]) -> None:
-    """Refuse a file to be written over that is there and has no outcomes of these joints in it.
+    """Refuse to overwrite an existing file unless it is a table of outcomes of these joints.
 
     Raises:
-        InputError: it is something else, or cannot be read.
+        InputError: the file is something else, or cannot be read.
     """
     if not path.exists() and not path.is_symlink():
         return
@@ -300,20 +301,20 @@ def require_outcomes(path: Path, names: Sequence[str]) -> None:
 
 
 def _head(names: Sequence[str]) -> list[str]:
-    """Columns of a table of outcomes."""
+    """Column names of a table of outcomes."""
     head = ["x_mm", "y_mm", "z_mm", *names]
     head += [f"correction_{name}" for name in names] + [f"std_{name}" for name in names]
     return [*head, "moves", "before_mm", "after_mm", "ended"]
 
 
 def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]) -> None:
-    """Write corrected commands and what they came to, whole or not at all.
+    """Write corrected commands and their errors to a CSV file atomically.
 
-    Columns: target x_mm, y_mm, z_mm; the joints' corrected commands [rad]; the correction that is
-    in them and its standard uncertainty [rad]; stops; errors by the tracker; why it ended.
+    Columns: target x_mm, y_mm, z_mm; the joints' corrected commands [rad]; the corrections in them
+    and their standard uncertainty [rad]; number of stops; measured errors; why the search ended.
 
     Raises:
-        InputError: the file cannot be written, or is there and something else.
+        InputError: the file cannot be written, or exists and is something else.
     """
     require_outcomes(path, names)
     with written_whole(path) as beside, beside.open("w", newline="", encoding="utf-8") as file:
@@ -327,7 +328,7 @@ def write_outcomes(path: Path, names: Sequence[str], outcomes: Sequence[Outcome]
 
 
 def _require_places(model: Mechanism, robot: str) -> None:
-    """Refuse a machine whose tool is also turned, or whose joints work against each other."""
+    """Refuse a robot that also commands the tool's orientation, or has redundant joints."""
     if max(model.freedoms) >= 3 or model.joints != model.task_size:
         raise InputError(
             f"robot {robot}: {model.joints} joints of a {model.name} command {model.task_size} "

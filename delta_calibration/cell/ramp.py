@@ -1,14 +1,14 @@
-"""Corrections that come and go without a jump, and the way back from a hold.
+"""Ramps that fade a correction in or out without a jump, and the way back from a hold.
 
     dq(t) = (1 - s) dq_0 + s dq*,    s = (t - t_0) / ramp, within [0, 1]
     |dq(t) - dq(t - dt)| <= rate dt
 
-dq* is the correction that is wanted. A new ramp begins at t_0 from dq_0, the correction applied
-last, whenever dq* comes from another source (switched on or off, another calibration). Where it
-steps without that, as that of a play does when the motion turns round, the rate holds it.
+dq* is the wanted correction. A new ramp begins at t_0 from dq_0, the correction applied last,
+whenever dq* comes from another source (switched on or off, another calibration). If dq* steps
+without such a change, as the correction of backlash does at a reversal, the rate limits it.
 
-Drives that are given a ramp in steps take one step an output: where outputs are far apart no more
-time passes between them than `at_once_s`.
+Each output advances the ramp by one step. If outputs are far apart, the ramp advances by no more
+than `at_once_s` between two of them.
 """
 
 from __future__ import annotations
@@ -24,38 +24,38 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Stage:
-    """A correction on its way: what is applied (m,) [rad], from what, what is left of the ramp."""
+    """State of a correction on its ramp: value applied, source and time left."""
 
-    applied: Array | float
+    applied: Array | float  # (m,) [rad]
     source: object
     left_s: float  # [s]
 
 
 class Ramp:
-    """The correction that the drives are given.
+    """Ramps and rate-limits the correction applied to the drives.
 
     Attributes:
-        applied: the last one, (m,) [rad]; 0 before the first.
+        applied: last correction, (m,) [rad]; 0 before the first.
         seconds: length of ramps from the next one on [s].
-        rate: fastest change of a joint's correction [rad/s or m/s].
-        limited: how often the rate held a correction back.
+        rate: largest rate of a joint's correction [rad/s or m/s].
+        limited: number of times that the rate limited a correction.
     """
 
     def __init__(self, seconds: float, rate: float) -> None:
         self.seconds, self.rate = seconds, rate
         self.applied: Array | float = 0.0
-        self.source: object = None  # what the correction comes from, None for none
+        self.source: object = None  # source of the correction, None for none
         self.limited = 0
         self._from: Array | float = 0.0
         self._since_s, self._length = -np.inf, 0.0  # [s]
         self._last_s = -np.inf
 
     def restart(self) -> None:
-        """Begin anew from the correction that the drives still have, however long ago it was."""
+        """Start a new ramp at the next output, from the correction that the drives still have."""
         self.source, self._last_s = self, -np.inf
 
     def is_over(self, source: object) -> bool:
-        """Whether the correction of this source has come in whole by now."""
+        """Whether the ramp to the correction of this source is complete."""
         return source is self.source and self._last_s >= self._since_s + self._length
 
     @property
@@ -65,38 +65,38 @@ class Ramp:
 
     @property
     def stage(self) -> Stage:
-        """How far the correction has come that was applied last."""
+        """State of the correction applied last."""
         gone_s = max(self._last_s - self._since_s, 0.0)
         return Stage(self.applied, self.source, max(self._length - gone_s, 0.0))
 
     def resume(self, stage: Stage, now_s: float) -> None:
-        """Go on from an earlier stage, which the drives are at again."""
+        """Continue from an earlier stage, at which the drives are again."""
         self.applied = self._from = stage.applied
         self._since_s = self._last_s = now_s
         self._length = stage.left_s
         if stage.source is not self.source:
-            self.source = self  # anew, wherever to
+            self.source = self  # so that the next correction, of any source, starts a new ramp
 
     def stands(self, applied: Array, now_s: float) -> None:
-        """Take notice of how far the correction has come by now, (m,) [rad], on its ramp."""
+        """Set the correction that is applied now, (m,) [rad], if it was computed elsewhere."""
         self.applied, self._last_s = applied, now_s
 
     def toward(
         self, goal: Array, source: object, now_s: float, at_once_s: float = np.inf
     ) -> Array:
-        """The correction (m,) [rad] at a time where `goal` is wanted; it counts as applied.
+        """Return the next correction (m,) [rad] on the way to `goal`, and store it as applied.
 
         Args:
-            goal: the correction that is wanted.
-            source: what it comes from.
-            now_s: steady time.
-            at_once_s: time [s] of a ramp, or of a correction at its rate, that one step of the
-                drives makes up for; a point of a trajectory is no step.
+            goal: wanted correction, (m,) [rad].
+            source: source of the goal; a new source starts a ramp.
+            now_s: steady time [s].
+            at_once_s: longest part [s] of a ramp, or of a rate-limited change, that one output may
+                advance; infinite for the points of a trajectory.
         """
         if source is not self.source:
             self.source, self._from = source, self.applied
             self._since_s, self._length = now_s, self.seconds
-        elif isfinite(self._last_s):  # on its way: a gap in the outputs is none in the ramp
+        elif isfinite(self._last_s):  # a gap in the outputs does not advance the ramp
             self._since_s += max(now_s - self._last_s - at_once_s, 0.0)
         dq = goal
         if now_s < self._since_s + self._length:
@@ -114,13 +114,13 @@ class Ramp:
 
 @dataclass(frozen=True)
 class WayBack:
-    """From where the drives were held to where the commands are by then.
+    """Linear return of the drives from a hold to the current commands.
 
     Attributes:
-        gap: where they were held less where they are wanted, (m,) [rad].
-        seconds: how long it takes [s].
-        last_s: of the last output, steady time [s].
-        gone_s: how much of it is over [s].
+        gap: position of the hold less the wanted one at the start, (m,) [rad].
+        seconds: duration [s].
+        last_s: steady time of the last output [s].
+        gone_s: elapsed part of the duration [s].
     """
 
     gap: Array
@@ -130,17 +130,17 @@ class WayBack:
 
     @classmethod
     def over(cls, gap: Array, now_s: float, seconds: float, speed: float) -> WayBack:
-        """In `seconds`, or as long as it takes at no more than `speed` [rad/s] of a joint."""
+        """Plan a return in `seconds`, or longer if a joint would exceed `speed` [rad/s]."""
         return cls(gap, max(seconds, float(np.abs(gap).max()) / speed), now_s)
 
     def by(self, now_s: float, at_once_s: float = np.inf) -> WayBack:
-        """As far as it is by now, no farther in one output than `at_once_s` [s] of it."""
+        """Advance to the present time, by at most `at_once_s` [s]."""
         step = min(max(now_s - self.last_s, 0.0), at_once_s)
         return replace(self, last_s=now_s, gone_s=self.gone_s + step)
 
     @property
     def left(self) -> Array:
-        """What there is still to go, (m,) [rad]."""
+        """Remaining part of the gap, (m,) [rad]."""
         if self.gone_s >= self.seconds:
             return np.zeros_like(self.gap)
         return self.gap * (1.0 - self.gone_s / self.seconds)

@@ -1,7 +1,7 @@
-"""What a cell looks like to who watches it: errors, workspace and calibrated region, in the base.
+"""Drawings of a cell for display: errors, workspace and calibrated region, in the base frame.
 
-Colours are told apart by colour-blind eyes, and what stands for different things differs in form,
-width or size as well.
+The colours are safe for colour-blind viewers, and different things also differ in form, width or
+size.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-FORESEEN = 100  # places in the region, beside its corners
+FORESEEN = 100  # places sampled in the region, besides its corners
 MOST = 300  # poses whose errors are drawn; more are thinned out
 _WIDE, _MIDDLE, _NARROW, _DOT = 0.003, 0.002, 0.0015, 0.006  # [m]
 _ROUND = 36  # corners of a circle
@@ -30,7 +30,7 @@ _EDGES = [(a, a ^ bit) for a in range(8) for bit in (1, 2, 4) if not a & bit]  #
 
 
 class Kind(Enum):
-    """What the points of a drawing are corners of."""
+    """Geometric primitive that the points of a drawing form."""
 
     DOTS = 1
     LINES = 2
@@ -39,7 +39,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True)
 class Drawing:
-    """Something to be seen."""
+    """Set of equal primitives to display."""
 
     name: str
     kind: Kind
@@ -53,13 +53,13 @@ class Drawing:
 class Errors:
     """Tool points of some poses, each (n, 3) [m] in the base."""
 
-    meant: Array  # by the drawing, at the commanded joints
-    modelled: Array  # by the calibration
-    measured: Array | None = None  # by the tracker, seen through the calibration's frame
+    meant: Array  # by the nominal model, at the commanded joints
+    modelled: Array  # by the calibrated model
+    measured: Array | None = None  # by the tracker, transformed by the calibration's frame
 
     @classmethod
     def of(cls, fitted: FittedCalibration, robot: Robot) -> Errors:
-        """Those of the poses that a calibration was made from."""
+        """Errors at the poses that a calibration was fitted to."""
         poses, known = fitted.poses, fitted.calibration
         pose = known.chain.pose(poses.conditions, known.theta)
         return cls(
@@ -70,7 +70,7 @@ class Errors:
 
     @classmethod
     def foreseen(cls, known: Calibration) -> Errors:
-        """Those that a calibration expects in its region, of its geometry alone."""
+        """Errors that a calibration predicts in its region, from its geometry alone."""
         robot, model = known.robot, known.chain.mechanism
         places = known.region.sample(FORESEEN, 0.0, np.random.default_rng(0))
         q = joints_toward(robot, places)
@@ -81,14 +81,14 @@ class Errors:
 def scene(
     robot: Robot, calibration: Calibration | None, fitted: FittedCalibration | None, scale: float
 ) -> tuple[Drawing, ...]:
-    """All that stands still.
+    """Drawings of workspace, region and errors.
 
     Args:
-        robot: whose workspace.
-        calibration: in force; its region.
-        fitted: what was fitted here; its poses' errors, while its calibration is the one in force,
-            else those that the calibration expects.
-        scale: that many times as long as they are, errors are drawn.
+        robot: robot whose workspace is drawn.
+        calibration: active calibration, whose region is drawn.
+        fitted: last fit; the errors of its poses are drawn if its calibration is the active one,
+            otherwise those that the active calibration predicts.
+        scale: magnification of the errors.
     """
     drawings = [workspace(robot)]
     if calibration is not None:
@@ -99,7 +99,7 @@ def scene(
 
 
 def workspace(robot: Robot) -> Drawing:
-    """The box of the robot's file; without one the cylinder that plans of a Delta cover."""
+    """Workspace box of the robot file; if there is none, the cylinder covered by Delta plans."""
     box = robot.workspace
     if box is None:
         points = _cylinder(LINE_HALF * np.sqrt(2), PLANE + LOW, PLANE + HIGH)
@@ -110,7 +110,7 @@ def workspace(robot: Robot) -> Drawing:
 
 
 def region(held: Region) -> list[Drawing]:
-    """Where the calibration holds: a sheer body and its edges."""
+    """Region where the calibration is valid: a translucent body and its edges."""
     faces = held.faces
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 3)
     return [
@@ -120,9 +120,9 @@ def region(held: Region) -> list[Drawing]:
 
 
 def errors(seen: Errors, scale: float) -> list[Drawing]:
-    """From where each pose was meant to be: to where it is measured, to where the model has it.
+    """Error vectors from each nominal point to the measured and to the modelled one.
 
-    Where the two vectors lie together the calibration explains the error.
+    Where the two vectors coincide, the calibration explains the error.
     """
     reached = [("error calibrated", seen.modelled, BLUE, _MIDDLE)]
     if seen.measured is not None:
@@ -141,7 +141,7 @@ def errors(seen: Errors, scale: float) -> list[Drawing]:
 
 
 def _cylinder(radius: float, low: float, high: float) -> Array:
-    """Both rims and some lines between them, pairs of points."""
+    """Edges of a cylinder as pairs of points: both rims and some lines between them."""
     angle = 2 * np.pi * np.arange(_ROUND + 1) / _ROUND
     around = radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     rims = [np.column_stack([around, np.full(_ROUND + 1, z)]) for z in (low, high)]

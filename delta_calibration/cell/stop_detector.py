@@ -1,4 +1,4 @@
-"""Whether a machine that was told where to go stands there, and what the tracker says then."""
+"""Detection of a stop: joints at the commanded position, and tracker readings at rest."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from delta_calibration.robot import Tracker
 
 Array = NDArray[np.float64]
 
-SIGMAS = 6.0  # standard deviations of a reading within which readings are of one place
+SIGMAS = 6.0  # standard deviations of a reading within which readings count as one place
 
 
 class StopDetector:
-    """One stop: joints where they were told to be, and a run of readings that lie together.
+    """Detects one stop: joints at the commanded position, and a run of readings that agree.
 
-    Readings before the joints are there, and all before one that lies apart from those that
-    follow it, do not count: a platform that still swings has no mean.
+    Only the last `count` readings since the joints arrived are used, and there is no mean until
+    these agree: a platform that still swings has no mean.
 
     Args:
-        names: (m,) of the joints.
-        told: (m,) [rad] where to stand.
-        within: largest distance of a joint from that [rad].
-        count: readings to average.
-        tracker: its noise; readings farther than SIGMAS of it from the run's median are not of a
-            platform at rest.
-        last: (3,) [m] the mean of the stop before: a tracker that still says exactly that has lost
-            sight. None at the first stop and where the machine has not moved.
-        unit: of the joints, where they do not turn.
+        names: (m,) names of the joints.
+        told: (m,) [rad] commanded position.
+        within: largest deviation of a joint from it [rad].
+        count: number of readings to average.
+        tracker: gives the noise; with a reading farther than SIGMAS standard deviations from the
+            run's median, the platform is not at rest.
+        last: (3,) [m] mean of the stop before: a tracker that repeats exactly this value has lost
+            the reflector. None at the first stop and if the machine has not moved.
+        unit: unit of the joints, for messages.
     """
 
     def __init__(
@@ -54,23 +54,23 @@ class StopDetector:
         self._heard = 0  # readings while the joints were there
 
     def joints(self, position: Array) -> None:
-        """Take what the encoders say, (m,) [rad]."""
+        """Take an encoder reading of the joints, (m,) [rad]."""
         self._joint = position
         if not self._there:
             self._run.clear()
 
     def reading(self, point: Array) -> None:
-        """Take what the tracker says, (3,) [m]."""
+        """Take a tracker reading, (3,) [m]."""
         if self._there:
             self._heard += 1
             self._run.append(point)
 
     @property
     def mean(self) -> Array | None:
-        """Mean of the run (3,) [m]; None as long as the machine does not stand.
+        """Mean of the run (3,) [m]; None as long as the machine is not at rest.
 
         Raises:
-            DataError: exactly what the tracker said at the stop before.
+            DataError: the tracker repeats exactly the mean of the stop before.
         """
         if len(self._run) < (self._run.maxlen or 0) or self._spread > self._limit:
             return None

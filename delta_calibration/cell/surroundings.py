@@ -1,8 +1,8 @@
-"""Under which conditions a command is given: how the joints move, what is carried, how warm it is.
+"""Conditions under which a command is given: joint motion, payload and temperatures.
 
-The motion is that of the stream of commands: direction and travel since the last turn for every
-joint, in the order in which they come; speed and acceleration by a parabola over the last tenth of
-a second, by their stamps. Where stamps do not rise, and across a pause, there is no speed.
+The motion is derived from the stream of commands: for every joint direction and travel since the
+last reversal, in order of arrival; speed and acceleration from a parabola over the last tenth of a
+second of stamps. If stamps do not rise, or after a pause, speed and acceleration are zero.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from delta_calibration.errors import InputError
 Array = NDArray[np.float64]
 
 TEMPERATURE_TIMEOUT_S = 300.0  # [s]
-MOST_PARTS = 100  # that have a temperature: any peer can name one
+MOST_PARTS = 100  # parts with a temperature; limited because any peer can name new ones
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known beside the motion; NaN where it is not."""
+    """Known conditions other than the motion; NaN if unknown."""
 
     payload: float  # [kg]
     payload_centre: Array  # (3,) [m] in the platform's frame
     parts: tuple[str, ...]
     temperature: Array  # (parts,) [deg C]
-    until_s: float  # steady time after which some of it is too old
+    until_s: float  # steady time [s] after which some value is too old
 
 
 class Surroundings:
-    """What is known beside the command itself.
+    """Collects the conditions of the commands: motion, payload and temperatures.
 
     Args:
-        joints: how many there are.
-        temperature_timeout_s: age [s] beyond which a temperature is not known any more.
-        payload_timeout_s: the same for the payload; 0 for none, as what is on the platform is
-            said once and holds.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
+        joints: number of joints.
+        temperature_timeout_s: age [s] beyond which a temperature counts as unknown.
+        payload_timeout_s: the same for the payload; 0 for no limit, because a payload is sent once
+            and stays valid.
+        joint_size: joint displacement equivalent to one radian on a Delta, in the joints' unit.
     """
 
     def __init__(
@@ -61,24 +61,24 @@ class Surroundings:
         self.reset()
 
     def reset(self) -> None:
-        """Forget how the joints moved, as after a pause of unknown length."""
+        """Forget the past motion, after a pause of unknown length."""
         self.motion = motion(self._joints, self._turned)
 
     def set_timeouts(self, temperature_s: float, payload_s: float) -> None:
-        """Change how long what was heard is believed [s]."""
+        """Change the ages beyond which temperatures and the payload count as unknown [s]."""
         self._temperature_timeout_s = temperature_s
         self._payload_timeout_s = payload_s if payload_s > 0 else np.inf
         self._known: Known | None = None
 
     def carries(self, mass: float, centre: Array, now_s: float) -> None:
-        """Payload [kg] and its centre (3,) [m] in the platform's frame, heard now."""
+        """Take a payload [kg] and its centre of mass (3,) [m] in the platform's frame."""
         self._carried, self._known = (mass, centre, now_s), None
 
     def is_warm(self, part: str, celsius: float, now_s: float) -> None:
-        """Temperature of a part, heard now.
+        """Take the temperature of a part [deg C].
 
         Raises:
-            InputError: another one than as many as are kept.
+            InputError: a new part, but `MOST_PARTS` others already have a temperature.
         """
         if part not in self._warm and len(self._warm) >= MOST_PARTS:
             raise InputError(
@@ -87,17 +87,17 @@ class Surroundings:
         self._warm[part], self._known = (celsius, now_s), None
 
     def moved(self, q: Array, stamp_ns: int) -> None:
-        """Take notice of a command (m,) [rad]; one that is not newer than the last begins anew."""
+        """Take a command (m,) [rad]; speeds restart if its stamp is not newer or after a pause."""
         motion_kernel.notice(self.motion, q, stamp_ns)
 
     def ahead(self) -> Surroundings:
-        """The same, to be moved on without a trace here: for what is commanded in advance."""
+        """Copy whose motion advances independently, for points commanded in advance."""
         other = copy(self)
         other.motion = motion_kernel.apart(self.motion)
         return other
 
     def at(self, q: Array, now_s: float) -> Conditions:
-        """The conditions of the command (m,) [rad] that was noticed last, as one sample."""
+        """Conditions of the command (m,) [rad] taken last, as one sample."""
         state, known = np.empty((4, len(q))), self.known(now_s)
         motion_kernel.state(self.motion, q, state)
         velocity, acceleration, direction, travel = state[:, None]
@@ -114,7 +114,7 @@ class Surroundings:
         )
 
     def known(self, now_s: float) -> Known:
-        """What is known at a steady time beside the motion: the same object while it holds."""
+        """Conditions other than the motion at a steady time; the same object while unchanged."""
         if self._known is None or now_s > self._known.until_s:
             self._known = self._known_at(now_s)
         return self._known

@@ -1,4 +1,4 @@
-"""How far a piece of work has come."""
+"""Progress of a task."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 
 
 class Task:
-    """Work in steps of which nobody knows how long each takes.
+    """Progress of a task in steps of unknown duration.
 
-    `begin` may be called from another thread than the rest.
+    `begin` may be called from another thread than the other methods.
 
     Args:
-        name: what it is, in a word.
-        steps: in the order in which they begin.
-        now_s: steady time.
+        name: name of the task, one word.
+        steps: names of the steps, in their order.
+        now_s: steady time at the start [s].
     """
 
     def __init__(self, name: str, steps: Sequence[str], now_s: float) -> None:
@@ -21,15 +21,15 @@ class Task:
         self._step = self._steps[0]
 
     def begin(self, step: str) -> None:
-        """The next step begins; the ones before it are done."""
+        """Report that a step begins; the steps before it are done."""
         self._step = step
 
     def sentence(self) -> str:
-        """Such as `geometry, step 2 of 3`."""
+        """Progress as a text such as `geometry, step 2 of 3`."""
         return f"{self._step}, step {self._number} of {len(self._steps)}"
 
     def values(self, now_s: float) -> Mapping[str, object]:
-        """The same in figures."""
+        """Progress in numbers, for diagnostics."""
         return {
             "step": self._step,
             "steps done": self._number - 1,

@@ -1,10 +1,10 @@
-"""Trajectories compensated point by point, for a controller that interpolates between them.
+"""Compensation of trajectories point by point, for a controller that interpolates the points.
 
     q_i' = q_i + dq_i,    v_i' = v_i + (d dq*/dq) v_i
 
-dq_i is on the ramp of the command path at the time of its point. A velocity follows the change of
-the correction along the motion, so that what the controller makes of the points bends as they do;
-while a correction comes or goes it is left as it was.
+dq_i is the correction on the ramp of the command path at the time of the point. The velocity is
+corrected by the change of dq* along the motion, so that the controller's interpolation matches the
+corrected points; while a correction fades in or out, the velocity is not changed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from delta_calibration.errors import CalibrationError, DataError
 Array = NDArray[np.float64]
 
 REFUSED = "trajectory refused"
-_ASIDE = 1e-5  # [rad] either side, for the change of the correction along the motion
+_ASIDE = 1e-5  # [rad] central-difference step for the change of the correction along the motion
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Points:
     joint: Array  # (n, m) [rad]
     velocity: Array | None = None  # (n, m) [rad/s]
     compensated: bool = False
-    carried: Array | None = None  # (n, k) of axes that are passed through
-    turning: Array | None = None  # (n, k) their velocities, where the joints have some
+    carried: Array | None = None  # (n, k) positions of the pass-through axes
+    turning: Array | None = None  # (n, k) their velocities, if the joints have velocities
 
     @property
     def whole(self) -> tuple[Array, Array | None]:
-        """Positions and velocities with what is passed through behind them, (n, m + k)."""
+        """Positions and velocities of the joints, then of the pass-through axes, (n, m + k)."""
         joint, velocity = self.joint, self.velocity
         if self.carried is not None:
             joint = np.hstack([joint, self.carried])
@@ -61,19 +61,19 @@ class Points:
 
 @dataclass(frozen=True)
 class Sent:
-    """What was worked out for a trajectory, and where that leaves the corrections."""
+    """Result of the compensation of a trajectory, with the state of the corrections after it."""
 
-    points: Points | CalibrationError  # why they are refused
+    points: Points | CalibrationError  # points to send, or the reason for refusing them
     by: TrajectoryPath
-    now_s: float  # steady time at which it began
+    now_s: float  # steady time at the start of the computation [s]
 
 
 class TrajectoryPath:
-    """Corrects trajectories on behalf of a command path: its compensator, ramp, policy and counts.
+    """Corrects trajectories with the compensator, ramp, policy and counts of a command path.
 
-    With `pass_through` a point that fails a guard goes out uncorrected, and corrections come and
-    go towards it at the rate that is allowed; with `hold` the whole trajectory is refused, and
-    the controller keeps what it has. Switching compensation acts on the next trajectory.
+    With `pass_through` a point that fails a guard is sent uncorrected, and the corrections around
+    it change at the allowed rate; with `hold` the whole trajectory is refused, and the controller
+    keeps the one it has. Switching compensation acts on the next trajectory.
     """
 
     def __init__(self, path: CommandPath) -> None:
@@ -86,11 +86,11 @@ class TrajectoryPath:
 
     @property
     def under_way(self) -> bool:
-        """Whether a controller follows a trajectory that was sent."""
+        """Whether a controller is executing a trajectory that was sent."""
         return self._plan is not None
 
     def settle(self, now_s: float) -> None:
-        """Bring the path's correction to what the trajectory under way has by now."""
+        """Set the path's correction to the present one of the trajectory under way."""
         if self._plan is None:
             return
         time, dq = self._plan
@@ -105,13 +105,13 @@ class TrajectoryPath:
         now_s: float,
         around: Surroundings | None = None,
     ) -> Callable[[], Sent]:
-        """The work of `send` on what holds at this moment; may be done on another thread.
+        """Return the work of `send` on the present state, as a function for any thread.
 
         Args:
-            points: makes the points, as commanded, and whether they carry the mark of compensated
-                ones; part of the work.
-            now_s: steady time.
-            around: what the compensator needs to know beside the commands; None where nothing.
+            points: function that returns the commanded points and whether they are marked as
+                compensated; it is called as part of the work.
+            now_s: steady time [s].
+            around: conditions, if the compensator needs them.
         """
         self.settle(now_s)
         shadow = TrajectoryPath(self._path.shadow())
@@ -128,11 +128,11 @@ class TrajectoryPath:
         return work
 
     def end(self, sent: Sent, late_s: float = 0.0) -> Points:
-        """Take what was worked out into use.
+        """Apply the result of `begin`, and return the points to send.
 
         Args:
-            sent: of `begin`.
-            late_s: by how much the points go later than they were worked out for [s].
+            sent: result of the function that `begin` returned.
+            late_s: delay of the points against the times they were computed for [s].
 
         Raises:
             CalibrationError: the points are refused.
@@ -155,17 +155,17 @@ class TrajectoryPath:
         already: bool = False,
         around: Surroundings | None = None,
     ) -> Points:
-        """What goes to the controller.
+        """Compensate a trajectory and return the points for the controller.
 
         Args:
-            points: as commanded.
-            now_s: steady time.
-            already: whether it carries the mark of a compensated one.
-            around: what the compensator needs to know beside the commands; None where nothing.
+            points: points as commanded.
+            now_s: steady time [s].
+            already: whether the trajectory is marked as compensated.
+            around: conditions, if the compensator needs them.
 
         Raises:
-            DataError: a point fails a guard, and the policy is to hold; or is commanded beyond a
-                joint's limit, and that is refused.
+            DataError: a point fails a guard and the policy is `hold`; or a point is beyond a joint
+                limit and the policy for that is `refuse`.
         """
         path = self._path
         path.trouble = None
@@ -199,7 +199,7 @@ class TrajectoryPath:
         return replace(sent, velocity=points.velocity + change)
 
     def _judged(self, found: Compensated) -> NDArray[np.bool_]:
-        """Which points are corrected; counted, and refused if there are others and it holds."""
+        """Count the verdicts and return which points are corrected; with `hold`, refuse others."""
         path = self._path
         good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
         for row, verdict in enumerate(found.verdicts):
@@ -226,7 +226,7 @@ class TrajectoryPath:
             self._path.counts[LIMIT] += 1
             dq = inside - points.joint
             ramp.applied = dq[-1]
-        # Before the first point the controller comes from where it is.
+        # Before the first point the controller moves from its present position.
         whole = np.vstack([np.broadcast_to(self._path.ramp.applied, dq[:1].shape), dq])
         self._path.ramp = ramp
         if ramp.limited > before:
@@ -238,12 +238,12 @@ class TrajectoryPath:
 
 
 def _aside(velocity: Array) -> float:
-    """Time [s] in which the fastest joint goes `_ASIDE`."""
+    """Time [s] in which the fastest joint moves by `_ASIDE`."""
     return float(_ASIDE / max(np.abs(velocity).max(), 1e-9))
 
 
 def _conditions(points: Points, around: Surroundings) -> Conditions:
-    """The conditions of every point, as of the stream of commands that they stand for."""
+    """Conditions of every point, as if the points were a stream of commands."""
     ahead = around.ahead()
     each = []
     for row, (t, q) in enumerate(zip(points.time.tolist(), points.joint, strict=True)):

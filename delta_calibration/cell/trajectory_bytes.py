@@ -1,16 +1,16 @@
-"""trajectory_msgs/JointTrajectory as bytes, read and written by arrays instead of point by point.
+"""Serialized trajectory_msgs/JointTrajectory, read and written by arrays, not point by point.
 
-A message of ten thousand points becomes as many objects, and python stands still meanwhile: no
-command is answered. Plain CDR (XCDR1, little-endian) has every number at a place that follows from
-the sizes before it, counted behind the four bytes that name the encoding:
+Deserializing ten thousand points creates as many objects and blocks Python meanwhile, so that no
+command is processed. In plain CDR (XCDR1, little-endian) the place of every number follows from
+the sizes before it, counted from the end of the four bytes that name the encoding:
 
     header      sec i32, nanosec u32, frame_id string
     names       count u32, strings
     points      count u32, each: positions, velocities, accelerations, effort, sec i32, nanosec u32
 
-A string is its length with the zero at its end u32, its bytes; an array its length u32, its
-doubles at a multiple of 8; all else at a multiple of 4. What is laid out otherwise is None here,
-and has to be read as a message.
+A string is its length with the terminating zero (u32) and its bytes; an array its length (u32) and
+its doubles at a multiple of 8; all else is at a multiple of 4. For any other layout the reader
+returns None, and the bytes have to be deserialized as a message.
 """
 
 from __future__ import annotations
@@ -27,30 +27,30 @@ Index = NDArray[np.int64]
 
 _PLAIN = b"\x00\x01"  # XCDR1, little-endian
 _HEAD = 4  # bytes
-_ARRAYS = 4  # of a point
+_ARRAYS = 4  # arrays of a point
 _LONGEST = 1 << 20  # bytes of a string
 
 
 @dataclass(frozen=True)
 class TrajectoryBytes:
-    """A trajectory as it came: n points of the same sizes."""
+    """Trajectory as received: n points with arrays of equal sizes."""
 
     stamp: tuple[int, int]  # [s], [ns]
     frame: str
     names: tuple[str, ...]
     joint: Array  # (n, names)
     velocity: Array | None  # (n, names)
-    seconds: NDArray[np.int32]  # (n,) from the start, whole
-    nanoseconds: NDArray[np.uint32]  # (n,) and the rest
+    seconds: NDArray[np.int32]  # (n,) whole seconds from the start
+    nanoseconds: NDArray[np.uint32]  # (n,) remaining nanoseconds
 
     @property
     def time(self) -> Array:
-        """Of each point from the start, (n,) [s]."""
+        """Time of each point from the start, (n,) [s]."""
         return np.asarray(self.seconds + self.nanoseconds * 1e-9)
 
 
 def read_trajectory(data: bytes) -> TrajectoryBytes | None:
-    """A message taken apart; None where its points differ in their sizes, or it is not plain."""
+    """Parse a message; None if its points differ in their sizes, or it is not plain CDR."""
     if data[:2] != _PLAIN:
         return None
     try:
@@ -75,7 +75,7 @@ def _read(plain: NDArray[np.uint8], data: bytes) -> TrajectoryBytes | None:
     sizes = _sizes(data, at)
     parts, end = _places(at, sizes, n)
     fits = sizes[0] == len(names) and sizes[1] in (0, len(names)) and not any(sizes[2:])
-    if end > len(data) or not fits:  # what lies behind the end is no part of it
+    if end > len(data) or not fits:  # bytes behind the end do not belong to the message
         return None
     words = plain[: len(plain) // 4 * 4].view(np.uint32)
     for part, size in zip(parts, sizes, strict=True):
@@ -103,7 +103,7 @@ def write_trajectory(
     seconds: NDArray[np.int32],
     nanoseconds: NDArray[np.uint32],
 ) -> bytes:
-    """A message of points (n, names) with these velocities or none, and times from the start."""
+    """Serialize points (n, names), with velocities or none, and their times from the start."""
     front = struct.pack("<iI", *stamp) + _packed(frame, 8)
     front += struct.pack("<I", len(names))
     for name in names:
@@ -124,9 +124,9 @@ def write_trajectory(
 
 
 def _places(at: int, sizes: Sequence[int], n: int) -> tuple[list[Index], int]:
-    """Where each array of the points begins, (n,) each, and where the last point ends.
+    """Byte offsets at which each array of the points begins, (n,) each, and end of the last point.
 
-    A point's length depends on whether it begins at a multiple of 8: so do the places in it.
+    The length of a point and the offsets in it depend on whether it begins at a multiple of 8.
     """
     within = {begin: _within(begin, sizes) for begin in (0, 4)}
     starts = np.empty(n, np.int64)
@@ -139,7 +139,7 @@ def _places(at: int, sizes: Sequence[int], n: int) -> tuple[list[Index], int]:
 
 
 def _within(begin: int, sizes: Sequence[int]) -> tuple[list[int], int]:
-    """Where the arrays of a point begin behind its begin, and its length."""
+    """Offsets of the arrays of a point from its beginning, and its length [bytes]."""
     at, places = begin, []
     for size in sizes:
         places.append(at - begin)
@@ -164,7 +164,7 @@ def _sizes(data: bytes, at: int) -> list[int]:
 
 
 def _words_of(part: Index, size: int) -> Index:
-    """The words of the doubles of arrays that begin at bytes `part`, (n, 2 size)."""
+    """Indices of the 4-byte words of the doubles of arrays at byte offsets `part`, (n, 2 size)."""
     first = part + 4
     first = first + (-first) % 8
     return np.asarray(first[:, None] // 4 + np.arange(2 * size))
@@ -185,7 +185,7 @@ def _string(data: bytes, at: int) -> tuple[str, int]:
 
 
 def _packed(text: str, at: int) -> bytes:
-    """A string at a multiple of 4, and what fills up to the next."""
+    """Serialize a string at a multiple of 4, padded to the next multiple."""
     data = text.encode() + b"\x00"
     assert at % 4 == 0
     return struct.pack("<I", len(data)) + data + b"\x00" * (-len(data) % 4)

@@ -1,8 +1,8 @@
-"""The short way of a usual command: from its bytes to those that are sent, in one compiled call.
+"""Fast path for usual commands: from the received bytes to those sent, in one compiled call.
 
-It takes a command while the path is steady (compensation on, no ramp, no hold) and all that the
-model needs is known. What is not usual it leaves to `CommandPath.send`; what it does itself comes
-out as it would there, to the last bit. See usual_kernel.py.
+It takes a command while the command path is steady (compensation on, no ramp, no hold) and all
+conditions that the model needs are known. All other commands are left to `CommandPath.send`; both
+give the same result, to the last bit. See usual_kernel.py.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from delta_calibration.texts import listed
 Array = NDArray[np.float64]
 
 MARK = "compensated"  # header.frame_id of a command that has been compensated
-_LAYOUTS = 4  # senders of different messages at a time
-_SEEN, _CORRECTED = 1, 2  # of what usual_kernel.follow says
+_LAYOUTS = 4  # message layouts remembered at a time
+_SEEN, _CORRECTED = 1, 2  # return values of usual_kernel.follow
 _MOTION = (JOINT, RATE, ACCELERATION, DIRECTION)
 
 
 @dataclass(frozen=True)
 class _Ready:
-    """What the compiled call takes, and the arrays that it leaves its answer in."""
+    """Inputs of the compiled call, and the arrays that it writes its results to."""
 
-    basis: tuple[object, ...]  # compensator, what is known, outputs, motion: what it is made of
+    basis: tuple[object, ...]  # compensator, known conditions, outputs, motion: its sources
     follow: Callable[..., int]  # the compiled call
     own: Any  # usual_kernel.Usual
     joints: int  # m
-    q: Array  # (m + k,) [rad], with what is passed through
+    q: Array  # (m + k,) [rad] joints, then pass-through axes
     answer: Array  # (2, m + k) [rad]
     stamp: NDArray[np.int64]  # (2,)
     out: NDArray[np.uint8]
@@ -56,13 +56,13 @@ class UsualWay:
     """Corrects usual commands of one robot.
 
     Attributes:
-        seen: whether the motion of the command that was refused last has been taken notice of.
+        seen: whether the motion of the last command that was not usual has been recorded.
 
     Args:
-        names: (m,) of the robot's joints.
-        path: whose commands these are.
-        around: conditions that they are given under.
-        passed_through: (k,) of axes that commands may carry besides, all or none of them.
+        names: (m,) names of the robot's joints.
+        path: command path whose commands these are.
+        around: conditions of the commands.
+        passed_through: (k,) names of pass-through axes; a command contains all or none of them.
     """
 
     def __init__(
@@ -79,14 +79,14 @@ class UsualWay:
         }
         self._wires: dict[int, Any] = {}  # by the size of their messages
         self._ready: dict[int, _Ready] = {}  # the same
-        self._lacking: tuple[object, ...] = ()  # what it cannot be made of
+        self._lacking: tuple[object, ...] = ()  # sources from which no `_Ready` can be made
         self._last: tuple[_Ready, float, bool] | None = None
         self.seen = False
 
     def learn(self, layout: Layout, message: bytes) -> None:
-        """Expect messages laid out as this one, which has each joint once and no mark.
+        """Remember the layout of a message that contains each joint once; a marked one is ignored.
 
-        The oldest layout is forgotten where there are too many.
+        If there are too many layouts, the oldest is forgotten.
         """
         if layout.frame_id != MARK:
             self._wires.pop(layout.size, None)
@@ -97,9 +97,9 @@ class UsualWay:
             self._ready.clear()
 
     def take(self, message: bytes, now_s: float) -> bytes | None:
-        """What is to be sent for a command; None where it is not usual.
+        """Return the output for a command; None if the command is not usual.
 
-        Where something is returned, `went` has to be called after it has been sent.
+        After an output has been sent, call `went`.
         """
         self.seen = False
         path, ramp = self._path, self._path.ramp
@@ -125,12 +125,12 @@ class UsualWay:
         return ready.out.tobytes()
 
     def went(self) -> tuple[Array, int, Sent]:
-        """Let the path know of what `take` returned: its command, stamp [ns], and output.
+        """Update the path with the last output of `take`; return command, stamp [ns] and output.
 
-        The command has (m,) positions, or (m + k,) with what is passed through.
+        The command has (m,) positions, or (m + k,) with the pass-through axes.
 
         Raises:
-            DataError: there is nothing that the path does not know of.
+            DataError: `take` has not returned an output.
         """
         if self._last is None:
             raise DataError("no usual command was sent")
@@ -142,12 +142,12 @@ class UsualWay:
         return ready.q.copy(), stamp_ns, sent
 
     def prepare(self, now_s: float) -> None:
-        """Take what is known by now into account, before a command has to wait for it."""
+        """Prepare the compiled call for the present conditions, before a command needs it."""
         for size in self._wires:
             self._prepared(size, now_s)
 
     def _prepared(self, size: int, now_s: float) -> _Ready | None:
-        """What the compiled call takes for messages of a size; None where it cannot be asked."""
+        """Inputs of the compiled call for messages of a size; None if it cannot be used."""
         path, around, ready = self._path, self._around, self._ready.get(size)
         compensator, kept, motion = path.compensator, path.echo.kept, around.motion
         known = around.known(now_s)
@@ -207,10 +207,10 @@ class UsualWay:
 def named_in(
     found: Sequence[str], names: tuple[str, ...], passed_through: tuple[str, ...]
 ) -> tuple[str, ...]:
-    """What is read of a message with these names: the joints, with what is passed through or not.
+    """Names to read from a message: the joints, and the pass-through axes if it contains them.
 
     Raises:
-        InputError: a part only of what is passed through is in it, or a name twice.
+        InputError: only a part of the pass-through axes is in the message, or one of them twice.
     """
     there = [name for name in passed_through if name in found]
     if not there:
@@ -224,7 +224,7 @@ def named_in(
 
 
 def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:
-    """What compiled code reads messages of a layout by, each of the joints being there once."""
+    """Make the record by which compiled code reads messages of a layout with each joint once."""
     from delta_calibration.cell import wire_kernel
 
     at, fixed = layout.fixed(message)
@@ -233,9 +233,9 @@ def wire_of(layout: Layout, message: bytes, names: Sequence[str]) -> Any:
 
 
 def warm_up(compensator: JointCompensator) -> None:
-    """Load what is compiled on first use, so that the first usual command need not wait for it.
+    """Trigger the compilation on first use, so that the first usual command does not wait for it.
 
-    Once while nothing is known of what effects go by, and once while all of it is.
+    Done once with unknown conditions, and once with all conditions known.
     """
     names = compensator.robot.joints.names
     path, around = CommandPath(), Surroundings(len(names))
@@ -259,14 +259,14 @@ def warm_up(compensator: JointCompensator) -> None:
 
 
 def _tell_all(around: Surroundings, sensors: Sequence[str]) -> None:
-    """Something for each of the conditions that a command may be given under."""
+    """Set an arbitrary value for each condition that an effect may depend on."""
     around.carries(0.0, np.zeros(3), 0.0)
     for part in sensors:
         around.is_warm(part, 20.0, 0.0)
 
 
 def _kernel() -> Any:
-    """The compiled call; numba is loaded with the first use."""
+    """Module of the compiled call; numba is loaded at the first use."""
     from delta_calibration.cell import usual_kernel
 
     return usual_kernel

@@ -1,8 +1,8 @@
-"""The usual command, from its bytes to those that are sent: one compiled call.
+"""Compiled call that turns the bytes of a usual command into the bytes to send.
 
-Usual is a command of a stream that goes on, with nothing to be done but to correct it: of a known
-layout, finite, no earlier than the last one, no output that comes back, passing every guard, its
-correction within its rate. Anything else is left as it is for the ways that tell and count.
+A command is usual if it only has to be corrected: its layout is known, it is finite, not earlier
+than the last one, no echo of an output, passes every guard, and its correction is within the rate
+limit. All other commands are left to `CommandPath.send`, which counts and reports them.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Octets = NDArray[np.uint8]
 
-# What became of a command. Of one that is not usual: whether its motion was taken notice of.
+# Result for a command. For one that is not usual: whether its motion was recorded.
 UNSEEN, SEEN, CORRECTED, BLENDED = range(4)
 COMMAND, RATE, ACCELERATION, DIRECTION = range(4)  # signals of the command and its motion
 DQ, JOINT = range(2)  # rows of the answer
@@ -39,25 +39,25 @@ _NANOSECONDS = 1_000_000_000
 
 @record
 class Usual(NamedTuple):
-    """All that usual commands go by."""
+    """Inputs, state and results of the compiled call."""
 
     wire: Wire
     single: Single
     motion: Motion
     outputs: Outputs
-    by_conditions: bool  # whether anything but the command counts
-    known: Array  # (S,) signals of what is known beside the motion
+    by_conditions: bool  # whether the correction depends on more than the command
+    known: Array  # (S,) signals of the conditions other than the motion
     signals: Array  # (S,)
     at: Index  # (4,) where the signals of the command and its motion begin
     carried: Array  # (4,) payload [kg] and its centre [m]; NaN where it is not known
     travel: Array  # (m,) scratch
-    q: Array  # (m + k,) [rad] the command, with what is passed through
+    q: Array  # (m + k,) [rad] the command: joints, then pass-through axes
     target: Array  # (a,)
     told: Array  # (4,)
-    answer: Array  # (2, m + k) [rad] its correction and what is sent
+    answer: Array  # (2, m + k) [rad] correction and output
     stamp: Index  # (2,) seconds, nanoseconds
-    out: Octets  # the message that is sent
-    out_at: int  # where its positions begin
+    out: Octets  # the message to send
+    out_at: int  # byte offset of its positions
 
 
 @compiled(borrows=True)
@@ -132,16 +132,16 @@ def follow(
     at_once_s: float,
     applied: Array,
 ) -> int:
-    """Correct a usual command, and leave in `own` what is sent, and what is to be told of it.
+    """Correct a usual command, and write the output message and its details to `own`.
 
     Args:
         own: see `Usual`.
         message: the command.
-        last_ns: stamp of the command before.
-        now_s: steady time.
-        last_s: steady time of the output before.
-        fastest: change of a correction at most [rad/s].
-        at_once_s: time [s] of it that one output makes up for.
-        applied: the correction in the output before, (m,) [rad].
+        last_ns: stamp of the command before [ns].
+        now_s: steady time [s].
+        last_s: steady time of the output before [s].
+        fastest: largest rate of a correction [rad/s].
+        at_once_s: longest time [s] that counts for this rate in one output.
+        applied: correction in the output before, (m,) [rad].
     """
     return _follow(own, message, last_ns, now_s, last_s, fastest, at_once_s, applied)

@@ -1,24 +1,24 @@
-"""Whether a machine is still what was calibrated, by whatever is read of it at rest.
+"""Drift monitor: tests from readings at rest whether a machine still matches its calibration.
 
-About the calibration all is linear. Stop i, at place p of set-up k of the tracker, misses by
+The model is linearised about the calibration. The residual of stop i, at place p in set-up k, is
 
     r = J_x x + J_o z_k + R u_p + noise
 
-with x how far the machine is from its calibration in typical sizes, known to C_0; z_k the frame
-and the reflector of the set-up, of which no more is known than of any new one; u_p what the model
-leaves out at that place, where the joints come to rest there and play included: one draw a place,
-so that a program which comes back a thousand times proves nothing by that. With z and u integrated
-out there is information H and a vector b on x. That something stepped has the Bayes factor B of
-`history/steps.py`, averaged over all dimensions and effects and over sizes.
+with x the deviation of the machine from its calibration in typical sizes, prior covariance C_0;
+z_k the frame and reflector offset of the set-up, with the prior of any new set-up; u_p the model
+discrepancy at that place, including the rest errors of the joints and backlash. u_p is drawn once
+a place, so that a program which returns a thousand times gives no false evidence. Marginalising z
+and u leaves an information matrix H and a vector b on x. The hypothesis of a step has the Bayes
+factor B of `history/steps.py`, averaged over all dimensions and effects and over sizes.
 
-Under a machine that did not change B is a martingale: it ever reaches 1/a with probability a at
-most (Ville 1939; Shafer and others 2011, Statistical Science 26, 84-101), however often it is
-looked at. It begins anew with every window; of windows of w days there are 30.4/w a month, and
-a = rate w / 30.4, shared among the lengths.
+If the machine did not change, B is a martingale: the probability that it ever reaches 1/a is at
+most a (Ville 1939; Shafer and others 2011, Statistical Science 26, 84-101), however often it is
+evaluated. It starts anew with every window; there are 30.4/w windows of w days a month, and
+a = rate w / 30.4, with the rate shared among the window lengths.
 
-An alarm is told if it stays one with any place left out, and if the tracker was moved once in the
-last set-up, whenever that was. Of a set-up the first readings, at three or four places, tell where
-the tracker is and nothing of the machine.
+An alarm is given only if it remains with any one place left out, and also under the assumption
+that the tracker was moved once during the last set-up. The first readings of a set-up, at three or
+four places, determine the tracker's frame and give no information on the machine.
 """
 
 from __future__ import annotations
@@ -43,35 +43,35 @@ Index = NDArray[np.int64]
 MONTH = 30.4  # [days]
 WINDOWS = (3.0, 30.4)  # [days]
 _DAY = 86400.0  # [s]
-_PLACES = 60  # that a window keeps apart; stops at others are not looked at
-_BOUNDARIES = 16  # at which it is tried whether the tracker was moved
-_LIKELY = 0.3  # probability from which on a cause is named
+_PLACES = 60  # largest number of places in a window; stops at further ones are ignored
+_BOUNDARIES = 16  # instants at which a move of the tracker is tested
+_LIKELY = 0.3  # probability above which a cause is named
 
 
 @dataclass(frozen=True)
 class Suspicion:
-    """What the readings say of the machine."""
+    """Result of the drift test, with the likeliest cause."""
 
     odds: float  # ln B
-    limit: float  # from which on an alarm is told
-    cause: str | None  # likeliest, by its fixed name, where one is likelier than all others
+    limit: float  # ln B from which on an alarm is given
+    cause: str | None  # likeliest cause, by its fixed name; None without alarm or a clear cause
     location: str | None
 
     @property
     def changed(self) -> bool:
-        """Whether the machine is no longer what was calibrated."""
+        """Whether the machine has changed since its calibration."""
         return self.odds >= self.limit
 
 
 class Vigil:
-    """Keeps what was read of a machine, and tells when it is no longer what was calibrated.
+    """Collects readings of a machine, and detects when it no longer matches its calibration.
 
     Args:
-        calibration: with its uncertainty.
-        rate: false alarms a month at most.
+        calibration: calibration with its uncertainty.
+        rate: largest allowed rate of false alarms [1/month].
 
     Raises:
-        InputError: a calibration file that does not say how uncertain it is, or no rate.
+        InputError: a calibration file without uncertainty, or a rate outside 0 to 10.
     """
 
     def __init__(self, calibration: Calibration, rate: float) -> None:
@@ -84,19 +84,19 @@ class Vigil:
         self._about = _About.of(calibration)
         self._windows = [_Window(self._about, days, rate / len(WINDOWS)) for days in WINDOWS]
         self._last: Stop | None = None
-        self.stops = 0  # that were looked at
-        self.held = 0  # at which the tracker told what it had told elsewhere
-        self.unknown = 0  # of which the calibration cannot say where the machine stands
+        self.stops = 0  # stops evaluated
+        self.held = 0  # stops at which the tracker repeated the reading of another joint position
+        self.unknown = 0  # poses that the calibration cannot predict
         self._sensors: tuple[str, ...] = ()
         self.suspicion = Suspicion(0.0, min(w.limit for w in self._windows), None, None)
 
     def set_up(self) -> None:
-        """The tracker was set up anew, or may have been moved."""
+        """Begin a new set-up: the tracker was, or may have been, moved."""
         for window in self._windows:
             window.close()
 
     def take(self, poses: Poses) -> Suspicion:
-        """Look at what was read at rest; an alarm stays until a calibration is watched anew."""
+        """Evaluate poses at rest; an alarm persists until another `Vigil` replaces this one."""
         if poses.temperature_parts != self._sensors:
             self._sensors = poses.temperature_parts
             self.set_up()
@@ -111,11 +111,11 @@ class Vigil:
         return self.suspicion
 
     def signal(self, name: str, size: float) -> float:
-        """lambda of a dimension that is off by so much [m or rad], by all that is kept.
+        """Signal lambda of a deviation of a dimension, from the data of the longest window.
 
         Args:
-            name: of the dimension, as in the calibration file.
-            size: by which it is off.
+            name: name of the dimension, as in the calibration file.
+            size: deviation [m or rad].
         """
         about = self._about
         names = about.calibration.chain.parameters.names
@@ -124,7 +124,7 @@ class Vigil:
         return float((size / about.scale[row]) ** 2 * information[row, row])
 
     def _is_held(self, stop: Stop) -> bool:
-        """Whether the reading is that of the stop before, though the joints moved."""
+        """Whether the reading repeats that of the stop before although the joints have moved."""
         last, self._last = self._last, stop
         if last is None or not np.array_equal(last.point, stop.point):
             return False
@@ -135,19 +135,19 @@ class Vigil:
 
 @dataclass(frozen=True)
 class _About:
-    """The calibration as a point about which all is linear."""
+    """Calibration with the constants of the linearised model about it."""
 
     calibration: Calibration
-    own: Index  # entries of theta that are the machine's own
-    scale: Array  # (q,) typical sizes of these
+    own: Index  # (q,) entries of theta that belong to the machine
+    scale: Array  # (q,) their typical sizes
     known: Array  # (q, q) C_0 in typical sizes
-    groups: tuple[tuple[str, str | None], ...]  # cause and place of what steps together
-    sizes: tuple[tuple[Index, Index], ...]  # groups of as many numbers, and which these are
+    groups: tuple[tuple[str, str | None], ...]  # cause and place of each group
+    sizes: tuple[tuple[Index, Index], ...]  # groups of equal length, and their parameters
     joint_size: float
 
     @classmethod
     def of(cls, calibration: Calibration) -> _About:
-        """Of a calibration that says how uncertain it is."""
+        """Prepare a calibration that contains its uncertainty."""
         assert calibration.uncertainty is not None
         chain = calibration.chain
         own = carried_rows(chain.layout)
@@ -172,7 +172,7 @@ class _About:
         )
 
     def foreseen(self, poses: Poses) -> NDArray[np.bool_]:
-        """Which poses the calibration can foretell, (n,): not without a load that it asks for."""
+        """Whether the calibration can predict each pose, (n,); not if a needed load is unknown."""
         seen = self.calibration.chain.see(poses.conditions, self.calibration.theta)
         return np.asarray(
             np.isfinite(seen.reading).all(axis=1) & np.isfinite(seen.jacobian).all(axis=(1, 2))
@@ -180,7 +180,7 @@ class _About:
 
 
 class _Window:
-    """Readings of so many days, with the set-ups of the tracker in them."""
+    """Readings of a fixed number of days, with the tracker's set-ups in them."""
 
     def __init__(self, about: _About, days: float, rate: float) -> None:
         self._about, self._length = about, days * _DAY
@@ -190,12 +190,12 @@ class _Window:
     def _begin(self) -> None:
         self._until: float | None = None
         self._numbers: dict[tuple[int, ...], int] = {}
-        self._loose: set[int] = set()  # places that are not believed
+        self._loose: set[int] = set()  # places excluded as doubtful
         self._sum: Told | None = None
         self._stops: list[Stop] = []
 
     def close(self) -> None:
-        """Begin another set-up."""
+        """End the present set-up and begin another one."""
         if self._stops:
             told = self._told(self._stops)
             if told is not None:
@@ -203,7 +203,7 @@ class _Window:
         self._stops = []
 
     def take(self, stops: Sequence[Stop]) -> Suspicion:
-        """Look at more stops."""
+        """Add stops and evaluate the window."""
         for stop in stops:
             until = self._until
             if until is not None and not 0.0 <= until - stop.time <= self._length:
@@ -230,7 +230,7 @@ class _Window:
         return Suspicion(doubted, self.limit, cause, location)
 
     def _doubted(self, odds: float) -> tuple[float, Callable[[], None]]:
-        """ln B by the likeliest excuse, and what makes the excuse true from now on."""
+        """Smallest ln B over alternative explanations, and a function that adopts that one."""
         excuses: list[tuple[float, Callable[[], None]]] = [(odds, lambda: None)]
         now = self._told(self._stops)
         for place in set(self._numbers.values()) - self._loose:
@@ -248,12 +248,12 @@ class _Window:
         self._stops = rest
 
     def _told(self, stops: Sequence[Stop]) -> Told | None:
-        """What the stops of a set-up say of machine and places."""
+        """Information of the stops of a set-up on machine and places."""
         about = self._about
         return SetUp(about.calibration, about.own, about.scale).told(stops, self._numbers)
 
     def shift(self) -> tuple[Array, Array]:
-        """Vector (q,) and information (q, q) on what stepped, by all that the window holds."""
+        """Vector (q,) and information (q, q) on a step, from all data of the window."""
         return self._shift([self._told(self._stops)], set())
 
     def _shift(self, parts: Iterable[Told | None], without: set[int]) -> tuple[Array, Array]:

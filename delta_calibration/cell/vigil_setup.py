@@ -1,4 +1,4 @@
-"""What the stops of one set-up of the tracker say of the machine and of the places."""
+"""Information on the machine and on the places from the stops of one set-up of the tracker."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from delta_calibration.geometry import align
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_APART = 1e-3  # [rad of a Delta] within which stops are at one place
-_FEWEST = 4  # places from which a set-up tells anything
-_ROUNDS = 3  # in which the frame settles
-_WEAK = 1e-6  # precision of what is unknown, a millimetre or milliradian being one
+_APART = 1e-3  # [rad of a Delta] grid of joint positions; stops in one cell are at one place
+_FEWEST = 4  # smallest number of places for which a set-up is evaluated
+_ROUNDS = 3  # iterations of the frame fit
+_WEAK = 1e-6  # prior precision of an unknown quantity; of a frame in 1/mm^2 or 1/mrad^2
 _FRAME = 1e-3  # [m, rad]
 
 
 @dataclass(frozen=True)
 class Stop:
-    """A mean of readings at rest."""
+    """Mean of the tracker readings at one stop."""
 
     time: float  # [s]
-    place: tuple[int, ...]  # joints and the side they came from
+    place: tuple[int, ...]  # key of the place: rounded joints and their approach directions
     joint: Array  # (m,)
     point: Array  # (3,) [m] in the tracker's frame
     count: int  # readings
@@ -38,7 +38,7 @@ class Stop:
 
 
 def stops_of(poses: Poses, joint_size: float) -> list[Stop]:
-    """Measured poses one by one."""
+    """Convert poses to a list of stops."""
     at, start = poses.conditions, 1e-9 * poses.start_ns
     return [
         Stop(
@@ -59,15 +59,15 @@ def stops_of(poses: Poses, joint_size: float) -> list[Stop]:
 
 @dataclass(frozen=True)
 class Told:
-    """Information on the machine (q,) and, behind it, on what is left out at each place (3 P,)."""
+    """Information on the machine's parameters (q,) and the discrepancy at each place (3 P,)."""
 
     size: int  # q
     information: Array  # (q + 3 P, q + 3 P)
     right: Array  # (q + 3 P,)
-    precision: Array  # (3 P, 3 P) of what is left out; 0 of places that are not known
+    precision: Array  # (3 P, 3 P) prior precision of the discrepancy; 0 for unknown places
 
     def __add__(self, other: Told) -> Told:
-        """Of both; a place has the precision of the first that knows it."""
+        """Sum of both; a place gets the prior precision of the first operand that contains it."""
         more = len(other.right) - len(self.right)
         if more:
             return self._wider(max(more, 0)) + other._wider(max(-more, 0))
@@ -78,7 +78,7 @@ class Told:
         )
 
     def _wider(self, more: int) -> Told:
-        """With room for further places."""
+        """Pad with zeros for `more` further entries of places."""
         return Told(
             self.size,
             np.pad(self.information, (0, more)),
@@ -87,10 +87,10 @@ class Told:
         )
 
     def machine(self, loose: set[int]) -> tuple[Array, Array]:
-        """Of the machine alone, (q, q) and (q,).
+        """Information and vector of the machine with the places marginalised, (q, q) and (q,).
 
         Args:
-            loose: places that may be off by anything.
+            loose: places whose discrepancy may have any size.
         """
         q = self.size
         known = np.flatnonzero(np.diag(self.precision) > 0)
@@ -110,18 +110,18 @@ class Told:
 
 @dataclass(frozen=True)
 class SetUp:
-    """A calibrated machine before a tracker that stands anywhere."""
+    """Evaluates the stops of a calibrated machine before a tracker at an unknown place."""
 
     calibration: Calibration
-    own: Index  # entries of theta that are the machine's own
-    scale: Array  # (q,) typical sizes of these
+    own: Index  # (q,) entries of theta that belong to the machine
+    scale: Array  # (q,) their typical sizes
 
     def told(self, stops: Sequence[Stop], numbers: Mapping[tuple[int, ...], int]) -> Told | None:
-        """What stops say; None where they are too few to say where the tracker is.
+        """Information from the stops; None if they are too few to locate the tracker.
 
         Args:
-            stops: of the set-up.
-            numbers: of the places.
+            stops: stops of the set-up.
+            numbers: number of each place, by its key.
         """
         seen = _places(stops)
         if len(seen) < _FEWEST:
@@ -135,7 +135,7 @@ class SetUp:
         return self._information(at, point, theta, seen, numbers)
 
     def _placed(self, at: Conditions, point: Array, seen: Sequence[Sequence[Stop]]) -> Array:
-        """The calibrated machine with frame and reflector of this set-up, (P,)."""
+        """Fit frame and reflector offset of this set-up; return the full theta, (P,)."""
         chain, theta = self.calibration.chain, self.calibration.theta.copy()
         layout = chain.layout
         theta[layout.offset] = chain.offset
@@ -168,7 +168,7 @@ class SetUp:
     def _rows(
         self, at: Conditions, point: Array, theta: Array, seen: Sequence[Sequence[Stop]]
     ) -> tuple[Array, Array, Array, Array]:
-        """Whitened residuals (3 n,), rows by the set-up's own (3 n, 9), W (n, 3, 3) and J."""
+        """Whitened residuals (3 n,), Jacobian of the set-up (3 n, 9), W (n, 3, 3) and J."""
         chain, known = self.calibration.chain, self.calibration.uncertainty
         assert known is not None
         reached = chain.see(at, theta)
@@ -203,7 +203,7 @@ class SetUp:
         flat = rows.reshape(len(r), -1)
         z = (theta[chain.layout.offset] - chain.offset) / chain.offset_prior
         prior = self._visit_precision()
-        about = r + visit @ np.concatenate([z, np.zeros(6)])  # at no offset from the file's
+        about = r + visit @ np.concatenate([z, np.zeros(6)])  # at the offset of the file
         normal = visit.T @ visit + np.diag(prior)
         across = visit.T @ flat
         solved = np.linalg.solve(normal, np.column_stack([across, visit.T @ about]))
@@ -218,7 +218,7 @@ class SetUp:
         numbers: Mapping[tuple[int, ...], int],
         size: int,
     ) -> Array:
-        """Of what the model leaves out at each place, in the base: M, rest errors and play."""
+        """Prior precision of the discrepancy at each place, in the base: M, rest and backlash."""
         known, chain = self.calibration.uncertainty, self.calibration.chain
         assert known is not None
         there = chain.see(at, self.calibration.theta)

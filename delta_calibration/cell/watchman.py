@@ -1,7 +1,7 @@
-"""Looks after a calibrated machine: keeps what arrives, and has it judged every so often.
+"""Monitor of a calibrated machine: records messages and has them evaluated batch by batch.
 
-A batch begins with a reading of the tracker and is judged on another thread. Where the tracker was
-silent for minutes it may stand elsewhere: its frame is found anew from what follows.
+A batch begins with a tracker reading and is evaluated on another thread. If the tracker was silent
+for minutes, it may have been moved: its frame is determined anew from the readings that follow.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from delta_calibration.data import Poses, collect
 from delta_calibration.errors import CalibrationError, DataError, InputError, RecordingError
 from delta_calibration.wording import spoken
 
-if TYPE_CHECKING:  # nobody waits for it who does not watch
+if TYPE_CHECKING:  # loaded only if monitoring is on
     from delta_calibration.cell.vigil import Vigil
 
 Array = NDArray[np.float64]
 
 SOURCE = "watched"
-EVERY_S = 60.0  # [s] between two batches
-SILENT_S = 300.0  # [s] without readings after which the tracker may stand elsewhere
+EVERY_S = 60.0  # [s] length of a batch
+SILENT_S = 300.0  # [s] without readings, after which the tracker may have been moved
 
 
 class Watchman:
-    """Hands what was measured at rest to a `Vigil`, and tells what that says.
+    """Passes poses at rest to a `Vigil`, and reports its result.
 
     Args:
-        names: (m,) the robot's joints.
-        joint_size: of the joints' unit, that does what one radian does on a Delta.
-        rate: false alarms a month at most; 0 for no watch.
-        limit: messages that a batch holds at most.
+        names: (m,) names of the robot's joints.
+        joint_size: joint displacement equivalent to one radian on a Delta, in the joints' unit.
+        rate: largest allowed rate of false alarms [1/month]; 0 for no monitoring.
+        limit: largest number of messages in a batch.
     """
 
     def __init__(self, names: Sequence[str], joint_size: float, rate: float, limit: int) -> None:
@@ -49,7 +49,7 @@ class Watchman:
         self._trouble = ""
 
     def watch(self, calibration: Calibration | None) -> None:
-        """Begin with a calibration; what was seen of the one before is forgotten."""
+        """Start monitoring against a calibration; data about the one before are dropped."""
         self._vigil, self._trouble = None, ""
         self.capture.stop()
         if calibration is None or self._rate == 0.0:
@@ -64,7 +64,7 @@ class Watchman:
     def add_tracker(
         self, stamp_ns: int, position: Array, quaternion: Array | None, now_s: float
     ) -> None:
-        """A reading; the first of a batch begins it."""
+        """Take a tracker reading; the first one starts a batch."""
         if self._vigil is None:
             return
         if now_s - self._heard_s > SILENT_S:
@@ -77,7 +77,7 @@ class Watchman:
         self.capture.add_tracker(stamp_ns, position, quaternion)
 
     def look(self, now_s: float) -> None:
-        """Have a batch judged where it is time; call it every second or so."""
+        """Start the evaluation of a batch when it is due; to be called about every second."""
         if self._work is not None:
             if not self._work.done:
                 return
@@ -85,11 +85,11 @@ class Watchman:
             self._trouble = ""
             try:
                 work.result()
-            except (DataError, RecordingError):  # nothing at rest, or not enough of a stream
+            except (DataError, RecordingError):  # no pose at rest, or too little data
                 pass
             except CalibrationError as error:
                 self._trouble = f"not watched: {error}"
-            except Exception as error:  # it must not take the commands with it
+            except Exception as error:  # it must not stop the processing of commands
                 self._trouble = f"not watched: {error!r}"
         if self.capture.running and now_s - self._since_s >= EVERY_S:
             held = self.capture.frozen()
@@ -113,7 +113,7 @@ class Watchman:
 
     @property
     def trouble(self) -> str:
-        """That the machine is not what was calibrated, as a sentence, or nothing."""
+        """Alarm or problem of the monitoring, as a sentence; empty if none."""
         vigil = self._vigil
         if vigil is None or not vigil.suspicion.changed:
             return self._trouble
@@ -124,7 +124,7 @@ class Watchman:
 
     @property
     def values(self) -> dict[str, object]:
-        """Figures for diagnostics."""
+        """Values for diagnostics."""
         vigil = self._vigil
         if vigil is None:
             return {"watch": "off"}

@@ -1,4 +1,4 @@
-"""Numbers out of the bytes of a message whose layout is known, and into them: compiled."""
+"""Compiled reading and writing of numbers in the bytes of a message with a known layout."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SEC, _NANOSEC = 4, 8  # where the two parts of the stamp begin
 
 
 def _as_number(typing: Any, word: Any) -> Any:
-    """The number whose bits these are."""
+    """Reinterpret 64 bits as a double."""
     del typing, word
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -31,7 +31,7 @@ def _as_number(typing: Any, word: Any) -> Any:
 
 
 def _as_word(typing: Any, number: Any) -> Any:
-    """The bits of a number."""
+    """Reinterpret a double as 64 bits."""
     del typing, number
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
@@ -47,18 +47,18 @@ _bits: Any = intrinsic(_as_word)
 
 @record
 class Wire(NamedTuple):
-    """What is to be known of a layout, see `joint_bytes.Layout`."""
+    """Layout of a message for compiled code; see `joint_bytes.Layout`."""
 
     size: int
     little: bool
-    at: Index  # (b,) bytes that do not change,
-    fixed: Octets  # (b,) and what they are
+    at: Index  # (b,) indices of the bytes that do not change
+    fixed: Octets  # (b,) their values
     position: Index  # (m,) place of each joint's position, in the robot's order
 
 
 @compiled(borrows=True)
 def _word(message: bytes, at: int, count: int, little: bool) -> int:
-    """The whole number in so many bytes."""
+    """Read an unsigned integer of `count` bytes."""
     word = np.uint64(0)
     for k in range(count):
         octet = np.uint64(message[at + (count - 1 - k if little else k)])
@@ -68,7 +68,7 @@ def _word(message: bytes, at: int, count: int, little: bool) -> int:
 
 @compiled(borrows=True)
 def same(own: Wire, message: bytes) -> bool:
-    """Whether a message is of this layout."""
+    """Whether a message has this layout."""
     if len(message) != own.size:
         return False
     for k in range(len(own.at)):  # noqa: SIM110 - nothing is made for it
@@ -86,13 +86,13 @@ def seconds(own: Wire, message: bytes) -> int:
 
 @compiled(borrows=True)
 def nanoseconds(own: Wire, message: bytes) -> int:
-    """The rest of the stamp [ns]."""
+    """Nanosecond part of the stamp [ns]."""
     return np.int64(_word(message, _NANOSEC, 4, own.little))  # type: ignore[return-value]
 
 
 @compiled(borrows=True)
 def positions(own: Wire, message: bytes, q: Array) -> bool:
-    """Take the positions (m,) out of a message; whether all are finite."""
+    """Read the positions (m,) of a message into q; return whether all are finite."""
     good = True
     for j in range(len(q)):
         q[j] = _number(_word(message, own.position[j], 8, own.little))
@@ -102,7 +102,7 @@ def positions(own: Wire, message: bytes, q: Array) -> bool:
 
 @compiled(borrows=True)
 def write(word: int, count: int, out: Octets, at: int) -> None:
-    """Put a whole number into so many bytes, low end first."""
+    """Write an integer into `count` bytes, little-endian."""
     rest = np.uint64(word)
     for k in range(count):
         out[at + k] = np.uint8(rest & np.uint64(255))
@@ -120,5 +120,5 @@ def write_all(sec: int, nanosec: int, position: Array, out: Octets, at: int) -> 
 
 @compiled(alone=True)
 def read(own: Wire, message: bytes, q: Array) -> bool:
-    """Take the positions (m,) out of a message if it is of this layout and they are finite."""
+    """Read the positions (m,) of a message into q; false if the layout differs or not finite."""
     return same(own, message) and positions(own, message, q)

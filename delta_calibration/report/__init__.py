@@ -1,4 +1,4 @@
-"""What an engineer signs: figures, tables, one page that opens offline. The only place that plots.
+"""Reports and certificates with tables and figures, as offline pages; the only package that plots.
 
 A report is data (`document.py`): sections of sentences, tables and figures, each figure a
 description of arrays with units (`drawing.py`). One description is drawn three ways: live in the

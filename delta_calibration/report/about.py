@@ -1,4 +1,4 @@
-"""What a certificate says of machine, instrument and conditions, and is not in the session."""
+"""Statements of a certificate on machine, instrument and conditions, not from the session."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ _UM = 1e-6
 
 @dataclass(frozen=True)
 class About:
-    """As it was given; what was not is `not stated` on the page.
+    """Statements as given by the user; missing ones appear as `not stated` on the page.
 
     Standard uncertainties are those of the instrument's and the thermometer's certificates. They
-    are the same in all readings and not made smaller by many of them.
+    are common to all readings, so averaging does not reduce them.
     """
 
     given: Mapping[str, Any] = field(default_factory=dict)
 
     def text(self, *keys: str) -> str:
-        """An entry as it is shown."""
+        """Text of an entry, or `not stated`."""
         value = self._value(*keys)
         return NOT_STATED if value is None else str(value)
 
     def number(self, *keys: str) -> float | None:
-        """An entry that is a number; None where it was not given."""
+        """Number of an entry; None if it was not given."""
         value = self._value(*keys)
         return None if value is None else float(value)
 
@@ -50,13 +50,13 @@ class About:
 
     @property
     def tolerance(self) -> float | None:
-        """Of the 3-D error [m]."""
+        """Tolerance of the 3-D error [m]; None if it was not given."""
         given = self.number("tolerance_mm")
         return None if given is None else 1e-3 * given
 
     @property
     def tracker(self) -> tuple[float, float]:
-        """Standard uncertainty of its readings that all share, along and across the beam [m]."""
+        """Common standard uncertainty of all its readings, along and across the beam [m]."""
         along, across = (self.number("instrument", f"u_{way}_um") for way in ("along", "across"))
         return _UM * (along or 0.0), _UM * (across or 0.0)
 
@@ -67,16 +67,16 @@ class About:
 
     @property
     def growth(self) -> float:
-        """Standard uncertainty of lengths by the temperature [m/m]."""
+        """Relative standard uncertainty of lengths due to temperature [m/m]."""
         coefficient = self.number("machine", "expansion_um_per_m_k")
         kelvin = self.number("ambient", "u_temperature_k")
         return _UM * (coefficient or 0.0) * (kelvin or 0.0)
 
     def expired(self, start: date | None) -> str:
-        """What to warn of if the instrument's certificate had run out; empty if it had not.
+        """Warning if the instrument's certificate had expired at the measurement; else empty.
 
         Args:
-            start: of the session, if it has a date.
+            start: date of the session, if it has one.
         """
         until, stated = self._value("instrument", "valid_until"), self._value("measured_on")
         measured = start if stated is None else _days(stated)[1]
@@ -86,12 +86,12 @@ class About:
 
     @property
     def silent(self) -> tuple[str, ...]:
-        """Contributions to the budget that are not in it, because an entry was not stated."""
+        """Contributions missing in the budget, because an entry was not stated."""
         return tuple(name for name, missing, _ in self._asked() if missing)
 
     @property
     def gaps(self) -> tuple[str, ...]:
-        """The same for people; of what was stated in part, with what is missing."""
+        """The missing contributions for display; those stated in part with the missing entries."""
         return tuple(
             f"{name} ({' and '.join(missing)} missing)" if len(missing) < count else name
             for name, missing, count in self._asked()
@@ -99,7 +99,7 @@ class About:
         )
 
     def _asked(self) -> Iterator[tuple[str, tuple[str, ...], int]]:
-        """Each contribution by certificates: what is missing of it, and how much it takes."""
+        """Name, missing entries and number of required entries of each stated contribution."""
         asked = (
             (("instrument", "u_along_um"),),
             (("instrument", "u_across_um"),),
@@ -112,14 +112,14 @@ class About:
 
 
 def read_about(path: Path | None, options: Mapping[str, Any]) -> About:
-    """What a file says, and options that stand above it.
+    """Read statements from a file and from options, which override the file.
 
     Args:
-        path: a YAML file; None where there is none.
-        options: by path, as in {"machine.serial": "17"}; None where not given.
+        path: YAML file; None if there is none.
+        options: values by entry, as in {"machine.serial": "17"}; None if not given.
 
     Raises:
-        ConfigError: not there, or an entry unknown or out of range; names file, entry and value.
+        ConfigError: no such file, or an entry unknown or out of range; names file, entry, value.
     """
     schema = load_schema("about")
     data = {} if path is None else read_document(path, lambda _: schema)
@@ -135,10 +135,10 @@ def read_about(path: Path | None, options: Mapping[str, Any]) -> About:
 
 
 def _require_days(text: str, entry: str, source: str) -> None:
-    """Refuse a day that no calendar has.
+    """Refuse a date that does not exist in the calendar.
 
     Raises:
-        ConfigError: it is one.
+        ConfigError: the date does not exist.
     """
     try:
         _days(text) if text != NOT_STATED else None

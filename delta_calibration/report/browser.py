@@ -1,4 +1,4 @@
-"""Panels as plotly draws them: SVG traces only, all text escaped, no tool that needs a network."""
+"""Conversion of panels to plotly: SVG traces only, all text escaped, no use of a network."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ _GRID, _LINE = "#e6e6e6", "#4d4d4d"
 _DIVERGING = [[0.0, "#b35806"], [0.5, "#f7f7f7"], [1.0, "#542788"]]  # orange, white, purple
 _SYMBOLS = {"triangle": "triangle-up"}
 _TICKS = (1.0, 2.0, 5.0)
-_TICKED, _LEAST = 7, 3  # ticks of a usual axis, and of one that is short
-_NARROW = 100.0  # times its low end that an axis reaches, under which decades are too few ticks
-_PLAIN = 1e4  # beyond it an axis counts in powers of ten
-_LOW = 0.7  # a panel so low has room for few ticks
+_TICKED, _LEAST = 7, 3  # number of ticks of a usual axis, and of a short one
+_NARROW = 100.0  # ratio of an axis' ends below which ticks at the decades alone are too few
+_PLAIN = 1e4  # high end above which an axis is labelled in powers of ten
+_LOW = 0.7  # relative height of a panel below which there is room for few ticks only
 _FEW = 16  # names that an axis has room for on a narrow page
 _END_BESIDE = {"left": "right", "center": "center", "right": "left"}  # of a name, at its rule
 
 
 def plot_of(panel: Panel) -> dict[str, Any]:
-    """A panel as `data` and `layout` of plotly."""
+    """Convert a panel to `data` and `layout` of plotly."""
     marks = [trace for mark in panel.marks for trace in _traces(mark)]
     rules = [mark for mark in panel.marks if isinstance(mark, Rule)]
     above = any(rule.upright and rule.name for rule in rules)
@@ -49,7 +49,7 @@ def plot_of(panel: Panel) -> dict[str, Any]:
         "margin": {"l": 8, "r": 12, "t": 22 if above else 8, "b": 8},
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
-        "showlegend": False,  # one for the whole figure stands beside it
+        "showlegend": False,  # a single legend for the whole figure stands beside it
         "hovermode": "closest",
         "hoverlabel": {"font": {"family": FONT, "size": 12}},
         "dragmode": "zoom",
@@ -75,7 +75,7 @@ def plot_of(panel: Panel) -> dict[str, Any]:
 
 
 def _shape(panel: Panel) -> float:
-    """How high what is drawn is over how wide; 0 of a line along x, or of none."""
+    """Height over width of the drawn data; 0 if they are flat along x, or if there are none."""
     drawn = [mark for mark in panel.marks if isinstance(mark, Points | Line | Field)]
     wide, high = (
         _extent(np.concatenate(each)) if each else 0.0
@@ -91,7 +91,7 @@ def _few_across(panel: Panel) -> dict[str, Any]:
 
 
 def _extent(values: Array) -> float:
-    """From the least to the largest of the finite values."""
+    """Range of the finite values."""
     finite = values[np.isfinite(values)]
     return float(np.ptp(finite)) if finite.size else 0.0
 
@@ -124,7 +124,7 @@ def _axis(axis: Axis) -> dict[str, Any]:
 
 
 def _few_names(axis: Axis, most: int = _FEW) -> dict[str, Any]:
-    """Names of an axis, every so many of them where they are more than `most`."""
+    """Tick names of an axis; only every n-th if there are more than `most`."""
     step = -(-len(axis.names) // _FEW) if len(axis.names) > most else 1
     if not axis.names:
         return {}
@@ -135,7 +135,7 @@ def _few_names(axis: Axis, most: int = _FEW) -> dict[str, Any]:
 
 
 def _decade_ticks(axis: Axis) -> dict[str, Any]:
-    """Decades; where they are few 1, 2 and 5 of each, in full (plotly leaves their power out)."""
+    """Ticks at decades; if few, at 1, 2 and 5 of each, in full (plotly omits their power)."""
     if axis.low is None or axis.high is None or axis.high >= _NARROW * axis.low:
         return {"dtick": 1}
     ticks = ticks_of(Scale("", axis.low, axis.high, log=True))
@@ -185,7 +185,7 @@ def _points(mark: Points) -> Trace:
 
 
 def _told(trace: Trace, told: tuple[str, ...]) -> Trace:
-    """What is shown when pointed at; the usual coordinates where nothing is given."""
+    """Add hover texts; without any, plotly shows the coordinates."""
     if not told:
         return trace
     text = [escape(each) for each in told]
@@ -269,7 +269,7 @@ def ticks_of(scale: Scale) -> list[float]:
 
 
 def places_of(scale: Scale) -> list[tuple[str, float]]:
-    """Ticks of a scale as they are shown, and where along it they stand [%]."""
+    """Labels of a scale's ticks, and their positions along it [%]."""
     of = np.log10 if scale.log else np.asarray
     low, high = of([scale.low, scale.high])
     return [
@@ -286,7 +286,7 @@ def _rule(mark: Rule) -> dict[str, Any]:
 
 
 def _rule_name(mark: Rule, panel: Panel) -> dict[str, Any]:
-    """A rule's name at its end; plotly wants places on logarithmic axes as logarithms here."""
+    """Name of a rule at its end; plotly needs logarithms as positions on logarithmic axes here."""
     log = panel.x.log if mark.upright else panel.y.log
     value = float(np.log10(mark.value)) if log else mark.value
     end = _END_BESIDE[mark.side]
@@ -301,5 +301,5 @@ def _rule_name(mark: Rule, panel: Panel) -> dict[str, Any]:
 
 
 def numbers(values: Array) -> list[float | None]:
-    """Numbers to five figures; a gap where there is none."""
+    """Numbers to five figures; None (a gap) for values that are not finite."""
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in np.asarray(values, dtype=float)]

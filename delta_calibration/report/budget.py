@@ -1,4 +1,4 @@
-"""Uncertainty budget by GUM: of a measured position, and of one that was corrected.
+"""Uncertainty budget by GUM for a measured position and for a corrected one.
 
 Contributions are covariances about the three axes of the base, (n, 3, 3) [m^2] at n poses. They
 are independent of each other by construction (see `uncertainty.py` for frame and dimensions), so
@@ -23,22 +23,22 @@ COVERAGE = 2.0  # k
 
 @dataclass(frozen=True)
 class Contribution:
-    """One source of uncertainty."""
+    """One contribution to the uncertainty."""
 
     name: str
     kind: str  # A: by statistics of this session, B: as stated elsewhere (GUM 4.2, 4.3)
     origin: str
-    measured: Array | None  # (n, 3, 3) of a measured position; None: no part of it
-    corrected: Array | None  # (n, 3, 3) of a corrected one
+    measured: Array | None  # (n, 3, 3) [m^2] for a measured position; None: does not contribute
+    corrected: Array | None  # (n, 3, 3) [m^2] for a corrected one
 
 
 @dataclass(frozen=True)
 class Budget:
-    """All contributions."""
+    """Uncertainty budget: all contributions and the radius of corrected positions."""
 
     parts: tuple[Contribution, ...]
-    widen: float  # of a corrected position, by errors that are not normal
-    of_corrected: Array  # (n,) [m] within how far of its target a corrected position lies, 95 %
+    widen: float  # factor for corrected positions, as their errors are not normal
+    of_corrected: Array  # (n,) [m] 95 % radius of a corrected position about its target
 
     @property
     def measured(self) -> Array:
@@ -47,7 +47,7 @@ class Budget:
 
     @property
     def corrected(self) -> Array:
-        """Covariance of corrected positions, (n, 3, 3), `widen` not in it."""
+        """Covariance of corrected positions, (n, 3, 3), without the factor `widen`."""
         return _sum([part.corrected for part in self.parts])
 
     @property
@@ -68,7 +68,7 @@ def standard(covariance: Array) -> Array:
 
 @dataclass(frozen=True)
 class Stated:
-    """What instrument and thermometer are stated to be uncertain by, (n, 3, 3) [m^2] each."""
+    """Covariances by the stated uncertainties of instrument and thermometer, (n, 3, 3) [m^2]."""
 
     along: Array
     across: Array
@@ -77,15 +77,15 @@ class Stated:
 
     @property
     def whole(self) -> Array:
-        """All of it."""
+        """Sum of all."""
         return self.along + self.across + self.reflector + self.temperature
 
 
 def stated_at(examined: Examined, about: About, places: Array) -> Stated:
-    """At places in the base, (n, 3) [m].
+    """Covariances by the stated uncertainties at places in the base, (n, 3) [m].
 
-    A length grows with temperature from the middle of the measured poses, where the tracker's
-    frame was fitted.
+    Thermal expansion is counted from the middle of the measured poses, where the tracker's frame
+    was fitted.
     """
     outer = _outer(examined.beam(places))
     along, across = about.tracker
@@ -98,15 +98,15 @@ def stated_at(examined: Examined, about: About, places: Array) -> Stated:
 
 
 def certified(examined: Examined, about: About, places: Array) -> Array:
-    """Within how far of it a tool that is sent to a place comes with 95 %, (n,) [m].
+    """95 % radius about a target place within which a corrected tool point lies, (n,) [m].
 
-    NaN outside the region that was measured.
+    NaN outside the measured region.
     """
     return examined.radius_at(places, stated_at(examined, about, places).whole)
 
 
 def budget_of(examined: Examined, about: About) -> Budget:
-    """The budget at the measured poses."""
+    """Compute the budget at the measured poses."""
     at, identified = examined.poses.conditions, examined.identified
     stated = stated_at(examined, about, examined.target).whole
     return Budget(
@@ -121,7 +121,7 @@ def budget_of(examined: Examined, about: About) -> Budget:
 
 
 def _of_readings(examined: Examined) -> tuple[Contribution, ...]:
-    """The tracker's noise, as far as averaging leaves it."""
+    """Contributions of the tracker's noise after averaging over the readings of a pose."""
     poses, noise = examined.poses, examined.noise
     along, across = examined.robot.tracker.sigmas(np.linalg.norm(poses.point, axis=1))
     outer = _outer(examined.beam(examined.measured))

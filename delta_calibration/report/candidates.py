@@ -1,4 +1,4 @@
-"""The case for each candidate, tried alone on the calibrated model."""
+"""Evidence for each candidate, tried alone on the calibrated model."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from delta_calibration.report.drawing import (
 from delta_calibration.wording import NO_VALUE, chance, figures, spoken, sure
 
 _SHOWN = 20
-_LEAST = 1.0  # of a bar
-_DETECTED, _NAMED = 40.0, 80.0  # lambda from which a cause is seen, and can be named
+_LEAST = 1.0  # smallest length of a bar
+_DETECTED, _NAMED = 40.0, 80.0  # lambda from which a cause is detected, and can be named
 
 
 def best_of_each(scan: Scan) -> tuple[Score, ...]:
@@ -102,7 +102,7 @@ def _told(score: Score) -> str:
 
 
 def evidence_table(found: Diagnosis) -> Table:
-    """The figures behind: signal, parameters, ln B, p with all that was asked, confidence."""
+    """Table of each cause's chi square, parameters, ln B, p, tries and confidence."""
     scan = found.found.first
     findings = {f.cause: f for f in found.verdict.findings}
     return Table(

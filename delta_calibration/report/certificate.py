@@ -1,7 +1,7 @@
-"""The certificate of a calibration: what was found, how sure that is, whether it passes.
+"""Calibration certificate: dimensions, errors, their uncertainty, and conformity with a tolerance.
 
-For the engineer who signs it and the quality manager who reads it; what statisticians ask for is
-in the appendix.
+For the engineer who signs it and the quality manager who reads it; the statistical details are in
+the appendix.
 """
 
 from __future__ import annotations
@@ -24,29 +24,29 @@ from delta_calibration.report.provenance import Provenance
 Array = NDArray[np.float64]
 
 MM = 1e3
-COVERAGE = 2.0  # k, of the dimensions
-# a dimension is identified where the data leave less than so much of what the drawing tolerates
+COVERAGE = 2.0  # coverage factor k of the dimensions
+# largest standard error of an identified dimension, over its tolerance (one standard deviation)
 IDENTIFIED = 0.5
-_PLACES = 400  # of the region at which it is certified
+_PLACES = 400  # places sampled in the region for the certified uncertainty
 _SEED = 1
 
 
 @dataclass(frozen=True)
 class Dimension:
-    """One dimension of the machine, all in the same unit."""
+    """One dimension of the machine, all values in its unit."""
 
     name: str
     unit: str  # m, rad, ...
     nominal: float
     value: float
-    expanded: float  # U, k = 2
-    tolerance: float  # one standard deviation of the parts
+    expanded: float  # expanded uncertainty U, k = 2
+    tolerance: float  # one standard deviation of the parts (prior)
     identified: bool
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """All that is certified; numbers in SI."""
+    """Content of a calibration certificate; numbers in SI units."""
 
     examined: Examined
     about: About
@@ -54,22 +54,22 @@ class Certificate:
 
     @cached_property
     def budget(self) -> Budget:
-        """At the measured poses."""
+        """Uncertainty budget at the measured poses."""
         return budget_of(self.examined, self.about)
 
     @property
     def error_before(self) -> Array:
-        """3-D distance from the commanded position, (n,) [m]."""
+        """3-D error before the calibration: distance from the commanded position, (n,) [m]."""
         return np.asarray(np.linalg.norm(self.examined.before, axis=1))
 
     @property
     def error_after(self) -> Array:
-        """The same with corrected commands, (n,) [m]."""
+        """3-D error with corrected commands, (n,) [m]."""
         return np.asarray(np.linalg.norm(self.examined.after, axis=1))
 
     @cached_property
     def places(self) -> Array:
-        """Places all over the region, corners among them, (k, 3) [m]."""
+        """Measured targets, and tool points sampled in the region with its corners, (k, 3) [m]."""
         rng = np.random.default_rng(_SEED)
         inside = self.examined.region.sample(_PLACES, 0.0, rng)
         return np.concatenate([self.examined.target, self.examined.tools(inside)])
@@ -91,7 +91,7 @@ class Certificate:
 
     @property
     def points(self) -> tuple[Decision, ...] | None:
-        """Of every pose; None without a tolerance. A pose that was set aside is not decided."""
+        """Decision of every pose (a pose set aside is not decided); None without a tolerance."""
         if self.about.tolerance is None:
             return None
         judged = decided(self.error_after, self.budget.of_points, self.about.tolerance)
@@ -102,7 +102,7 @@ class Certificate:
 
     @property
     def decision(self) -> Decision | None:
-        """Of the machine; None without a tolerance."""
+        """Decision of the machine; None without a tolerance."""
         points = self.points
         if points is None:
             return None
@@ -110,7 +110,7 @@ class Certificate:
 
     @cached_property
     def dimensions(self) -> tuple[Dimension, ...]:
-        """In the order of the robot's model."""
+        """Dimensions in the order of the robot's model."""
         identified = self.examined.identified
         own = identified.chain.layout.geometry
         std = np.sqrt(np.maximum(np.diag(identified.uncertainty.covariance), 0.0))[own]
@@ -129,7 +129,7 @@ class Certificate:
         )
 
     def as_dict(self) -> Mapping[str, Any]:
-        """As JSON holds it: see schemas/certificate.json."""
+        """Convert to JSON data; see schemas/certificate.json."""
         examined, budget = self.examined, self.budget
         points = self.points
         tolerance = self.about.tolerance
@@ -191,7 +191,7 @@ class Certificate:
 
     @property
     def number(self) -> str:
-        """As it was given."""
+        """Number of the certificate as given; else empty."""
         given = self.about.text("number")
         return "" if given == NOT_STATED else given
 

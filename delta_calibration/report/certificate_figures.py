@@ -1,4 +1,4 @@
-"""Pictures of a certificate: how large the errors are, where they point, what is certified."""
+"""Figures of a certificate: error histogram, error vectors and certified uncertainty."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from delta_calibration.wording import figures
 Array = NDArray[np.float64]
 
 _BINS = 24
-_FAR = 20.0  # times the smallest error that the largest is, from where an axis is logarithmic
-_NODES = 41  # along a side of a map
-_FLAT = 0.01  # [m] of extent from which a plane is shown
-_LONG = 0.09  # of the plane's width, that the usual largest error is drawn
+_FAR = 20.0  # ratio of largest to smallest error above which an axis is logarithmic
+_NODES = 41  # nodes along a side of a map
+_FLAT = 0.01  # [m] extent along an axis above which its planes are shown
+_LONG = 0.09  # drawn length of the 95 % quantile of the errors, over the plane's width
 _ROUND = (1.0, 2.0, 5.0, 10.0)
 _AXES = "xyz"
 
 
 def histogram_figure(certificate: Certificate) -> Figure:
-    """How often which error, before and after; on a logarithmic axis where they differ much."""
+    """Histogram of the errors before and after; on a logarithmic axis if they differ much."""
     before, after = MM * certificate.error_before, MM * certificate.error_after
     both = np.concatenate([before, after])
     low, high = max(0.8 * both.min(), 1e-3 * both.max()), 1.1 * both.max()
@@ -73,7 +73,7 @@ def _steps(name: str, ends: Array, values: Array, colour: str, dash: str) -> Lin
 
 
 def planes_of(places: Array) -> tuple[tuple[int, int], ...]:
-    """Pairs of axes in which poses (n, 3) spread, the two widest planes at most."""
+    """Pairs of axes of the at most two widest planes in which poses (n, 3) spread."""
     extent = np.ptp(places, axis=0)
     wide = [k for k in range(3) if extent[k] > _FLAT]
     pairs = sorted(combinations(wide, 2), key=lambda pair: -extent[pair[0]] * extent[pair[1]])
@@ -81,7 +81,7 @@ def planes_of(places: Array) -> tuple[tuple[int, int], ...]:
 
 
 def vector_figure(certificate: Certificate) -> Figure:
-    """Errors as lines from their points, as seen along an axis."""
+    """Error vectors at their points, in projections along an axis."""
     examined = certificate.examined
     target = examined.target
     planes = planes_of(target)
@@ -136,7 +136,7 @@ def _round_down(value: float) -> float:
 
 
 def certified_figure(certificate: Certificate) -> Figure:
-    """How near a corrected position comes, over the planes that the machine works in."""
+    """Maps of the 95 % radius of corrected positions, in the planes that the machine works in."""
     examined = certificate.examined
     planes = planes_of(examined.target)
     maps = [_map(certificate, i, j) for i, j in planes]
@@ -166,7 +166,7 @@ def certified_figure(certificate: Certificate) -> Figure:
 
 
 def _scale(low: float, high: float) -> Scale:
-    """From a round value below to one above, in four round steps."""
+    """Scale from a round value below to one above, in four round steps."""
     step = _round_down(max(high - low, 0.05 * high) / 2)
     begin = np.floor(low / step) * step
     while begin + 4 * step < high:

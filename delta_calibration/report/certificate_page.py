@@ -1,4 +1,4 @@
-"""A certificate as sections of sentences, tables and figures, for HTML and PDF alike."""
+"""Report of a certificate: sections of sentences, tables and figures, for HTML and PDF."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UM = 1e6
 
 
 def page_of_certificate(certificate: Certificate) -> Report:
-    """All of it, in the order in which it is read."""
+    """Make the report of a certificate."""
     examined, source = certificate.examined, certificate.provenance
     robot = examined.robot
     sections = (
@@ -109,7 +109,7 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
 
 
 def _dates(certificate: Certificate) -> str:
-    """When it was measured, and when the certificate was issued."""
+    """Dates of the measurement and of the issue of the certificate."""
     source = certificate.provenance
     stated = certificate.about.text("measured_on")
     measured = moment(source.start_ns) if stated == NOT_STATED else stated

@@ -16,12 +16,12 @@ from delta_calibration.wording import NO_VALUE, figures, rounded, spoken
 Array = NDArray[np.float64]
 
 UM = 1e6
-_ALL = 100.0  # [%] of a tolerance: where the model lacks something the data say nothing of it
+_ALL = 100.0  # [%] of a tolerance; an incomplete model can give more, shown as this bound
 _UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
 
 
 def conditions_section(certificate: Certificate) -> Section:
-    """What was given and recorded of the measurement."""
+    """Section on the stated and recorded conditions of the measurement."""
     about = certificate.about
     poses = certificate.examined.poses
     warm = [
@@ -61,7 +61,7 @@ def _unit(about: About, unit: str, *keys: str) -> str:
 
 
 def dimensions_section(certificate: Certificate) -> Section:
-    """Dimensions that the session identifies, and those that it does not."""
+    """Section on the dimensions identified by the session, and on those that are not."""
     found = [d for d in certificate.dimensions if d.identified]
     rest = [d for d in certificate.dimensions if not d.identified]
     tables = (
@@ -110,7 +110,7 @@ def _open(d: Dimension) -> tuple[str, ...]:
 
 
 def points_section(certificate: Certificate) -> Section:
-    """Every measured point, how large the errors are and where they point."""
+    """Section on every measured point with its error vectors."""
     points, u = certificate.points, certificate.budget.of_points
     examined = certificate.examined
     head = (
@@ -175,7 +175,7 @@ def _said(decision: Decision, believed: bool) -> str:
 
 
 def budget_section(certificate: Certificate) -> Section:
-    """Where the uncertainty of positions comes from."""
+    """Section on the contributions to the uncertainty of positions."""
     budget = certificate.budget
     rows = [
         (part.name, part.kind, part.origin, *_axes(part.measured), *_axes(part.corrected))

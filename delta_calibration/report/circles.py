@@ -1,4 +1,4 @@
-"""The page of a circle test: magnified polar plots, causes with shares, and what to do first."""
+"""Report of a circle test: magnified polar plots, causes with shares, and remedies."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ Array = NDArray[np.float64]
 Key = tuple[str, str | None]
 
 _UM = 1e6
-_TOLD = 3  # values of a cause, the clearest
-_HIGH = 0.3  # of the radius, as large as the largest deviation is drawn
-_STEPS = (1, 2, 5, 10)  # that magnifications are rounded down to, times a power of ten
-_SMALL = 0.5e-6  # [m] that is nothing on a part
+_TOLD = 3  # number of values shown of a cause, the clearest ones
+_HIGH = 0.3  # largest drawn deviation over the radius
+_STEPS = (1, 2, 5, 10)  # magnifications are rounded down to these, times a power of ten
+_SMALL = 0.5e-6  # [m] below which an error of a part is not mentioned
 _LOBES = {2: "oval", 3: "three-lobed", 4: "four-lobed"}
 _OTHER = {
     DIMENSIONS: (
@@ -70,7 +70,7 @@ _OTHER = {
 
 
 def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Report:
-    """Everything that a circle test has to say, as a report."""
+    """Make the report of a circle test."""
     verdict = test.verdict
     worst = max(test.circles, key=lambda m: m.deviation)
     senses = [m.hysteresis for m in test.circles if m.hysteresis is not None]
@@ -115,7 +115,7 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
 
 
 def advice(test: CircleTest) -> str:
-    """What to do first, and how round the circles are then."""
+    """Sentence on the first remedy, and on the circular deviation expected after it."""
     if test.first is None:
         return "No known remedy makes these circles rounder."
     cause, location = test.first
@@ -127,13 +127,13 @@ def advice(test: CircleTest) -> str:
 
 
 def called(cause: str, location: str | None) -> str:
-    """A cause and its place, as words."""
+    """Name of a cause with its location, for display."""
     name = _OTHER[cause][0] if cause in _OTHER else spoken(cause)
     return name + (f" at {spoken(location)}" if location else "")
 
 
 def on_a_part(error: PartError) -> str:
-    """What a cause does to a round part, in words."""
+    """Describe the error that a cause makes on a round part."""
     told = []
     if abs(error.radius) >= _SMALL:
         way = "large" if error.radius > 0 else "small"
@@ -267,13 +267,13 @@ def _value(test: CircleTest, share: Share) -> str:
 
 
 def _estimates(first: Mapping[str, Estimate], of: int) -> str:
-    """Some estimates, and how many more there are."""
+    """Format some estimates, and the number of further ones."""
     more = f" and {of - len(first)} more" if of > len(first) else ""
     return ", ".join(estimate(name, e) for name, e in first.items()) + more
 
 
 def _plots(test: CircleTest) -> list[Figure]:
-    """Both senses of each circle, magnified, with what the extended model says of it."""
+    """Magnified polar plots of each circle in both senses, with the extended model's curve."""
     panels = []
     seen: list[str] = []
     circles = [m.circle for m in test.circles]
@@ -282,7 +282,7 @@ def _plots(test: CircleTest) -> list[Figure]:
     for group in (*both, *((m,) for m in alone)):
         title = f"{group[0].circle.plane}, {1e3 * group[0].circle.feed:.0f} mm/s"
         if title in seen:
-            continue  # driven once more
+            continue  # a repetition of the same circle
         seen.append(title)
         by = _magnified(group[0].circle.radius, *(m.radial for m in group))
         lines = [_nominal(group[0])]
@@ -301,7 +301,7 @@ def _plots(test: CircleTest) -> list[Figure]:
 
 
 def _cause_plots(test: CircleTest) -> list[Figure]:
-    """What each cause alone does to the circle that it matters most to."""
+    """Polar plots of each cause alone, on the circle with its largest effect."""
     panels = []
     for share in test.shares:
         key = share.cause, share.location
@@ -368,7 +368,7 @@ def _round(m: Measured, angle: Array, out: Array) -> tuple[Array, Array]:
 
 
 def _magnified(radius: float, *radial: Array) -> float:
-    """A round number by which the largest deviation becomes a fair share of the radius."""
+    """Round magnification that draws the largest deviation at up to `_HIGH` of the radius."""
     most = max(float(np.abs(each).max()) for each in radial)
     whole = _HIGH * radius / max(most, 1e-9)
     power = 10.0 ** np.floor(np.log10(whole))

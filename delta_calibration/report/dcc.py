@@ -1,8 +1,8 @@
-"""A certificate as a Digital Calibration Certificate (DCC): PTB's XML, schema 3.3.0, D-SI 2.
+"""Export of a certificate as a Digital Calibration Certificate (DCC): PTB's XML 3.3.0, D-SI 2.
 
-What a person reads and signs is the page; this is the same for a program. Numbers are in the
-units of SI as D-SI writes them. A DCC must say who calibrated what for whom, so that it is refused
-where the certificate does not; what else is not stated is left out.
+The page is for people to read and sign; the DCC has the same content for programs. Numbers are in
+SI units in the notation of D-SI. A DCC must state who calibrated what for whom: without these
+statements it is refused; other missing statements are left out.
 
 Source: PTB, XML Schema Definition of the DCC, version 3.3.0 (https://ptb.de/dcc/v3.3.0/), and of
 D-SI, version 2.2.1 (https://ptb.de/si/v2.2.1/).
@@ -54,10 +54,10 @@ _CONFORMITY = {Decision.PASS: "pass", Decision.FAIL: "fail"}
 
 
 def write_dcc(path: Path, certificate: Certificate) -> None:
-    """Write a DCC, whole or not at all.
+    """Write a DCC atomically.
 
     Raises:
-        InputError: the certificate does not say what a DCC must, or the file cannot be written.
+        InputError: the certificate lacks a mandatory entry, or the file cannot be written.
     """
     root = dcc_of(certificate)
     indent(root)
@@ -66,10 +66,10 @@ def write_dcc(path: Path, certificate: Certificate) -> None:
 
 
 def dcc_of(certificate: Certificate) -> Element:
-    """The root element.
+    """Build the root element of a DCC.
 
     Raises:
-        InputError: the certificate does not say what a DCC must.
+        InputError: the certificate lacks an entry that is mandatory in a DCC.
     """
     _require_stated(certificate.about, certificate.examined.poses.start_ns)
     register_namespace("dcc", DCC)
@@ -109,7 +109,7 @@ def _si(parent: Element, name: str, text: str | None = None) -> Element:
 
 
 def _words(parent: Element, name: str, text: str) -> Element:
-    """An element of a text in one language."""
+    """Add an element with a text in one language."""
     child = _in(parent, name)
     _in(child, "content", text).set("lang", _LANGUAGE)
     return child
@@ -162,7 +162,7 @@ def _core(core: Element, certificate: Certificate) -> None:
 
 
 def _day(seconds: float) -> str:
-    """UTC."""
+    """Date (UTC) of a Unix time [s]."""
     return datetime.fromtimestamp(seconds, timezone.utc).date().isoformat()
 
 
@@ -177,7 +177,7 @@ def _item(item: Element, about: About) -> None:
 
 
 def _identifications(parent: Element, rows: Iterable[tuple[str, str, str]]) -> None:
-    """Numbers that somebody gave it: issuer, value, what it is."""
+    """Add identification numbers, each with issuer, value and name."""
     given = [row for row in rows if row[1] not in ("", NOT_STATED)]
     if not given:
         return
@@ -295,7 +295,7 @@ def _none(parent: Element, why: str) -> None:
 def _quantity(
     parent: Element, name: str, value: float, unit: str, expanded: float | None = None
 ) -> None:
-    """One number, with U (k = 2) where there is one."""
+    """Add a number, with its expanded uncertainty U (k = 2) if given."""
     quantity = _in(parent, "quantity")
     _words(quantity, "name", name)
     real = _si(quantity, "real")
@@ -310,7 +310,7 @@ def _quantity(
 
 
 def _column(parent: Element, name: str, values: Array) -> None:
-    """Lengths [m], one a point."""
+    """Add a list of lengths [m], one for each point."""
     quantity = _in(parent, "quantity")
     _words(quantity, "name", name)
     rows = _si(quantity, "realListXMLList")

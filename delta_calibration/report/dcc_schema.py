@@ -1,7 +1,7 @@
-"""Whether a Digital Calibration Certificate keeps to PTB's schema, where that is at hand.
+"""Validation of a Digital Calibration Certificate against PTB's schema.
 
-The schema is PTB's and does not come with this package: a folder is given that holds dcc.xsd and
-what it imports (SI_Format.xsd of the D-SI with its own imports, xmldsig-core-schema.xsd).
+The schema is not part of this package: the user gives a folder with dcc.xsd and the schemas that
+it imports (SI_Format.xsd of the D-SI with its own imports, xmldsig-core-schema.xsd).
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from delta_calibration.errors import ConfigError, DataError, InputError
 from delta_calibration.report.dcc import DCC
 from delta_calibration.report.missing import required
 
-_TOLD = 5  # complaints of the schema
-_MOST = 4_000_000  # bytes of a schema's file
+_TOLD = 5  # largest number of violations reported
+_MOST = 4_000_000  # largest size of a schema file [bytes]
 
 
 def require_valid(path: Path, folder: Path) -> None:
-    """Refuse a file that does not keep to the schema.
+    """Refuse a file that violates the schema.
 
     Args:
-        path: of the certificate.
-        folder: of the schema's files, searched with its sub-folders.
+        path: file of the certificate.
+        folder: folder of the schema files, searched with its sub-folders.
 
     Raises:
-        InputError: the library is not installed, or the folder holds no schema of the DCC.
-        ConfigError: a file of it is no schema.
-        DataError: the certificate breaks it; the first complaints are told.
+        InputError: the library is not installed, or the folder contains no schema of the DCC.
+        ConfigError: a file of the folder is no valid schema.
+        DataError: the certificate violates the schema; names the first violations.
     """
     xmlschema = required("xmlschema", "--dcc-schema")
     files = _by_namespace(folder)
@@ -48,7 +48,7 @@ def require_valid(path: Path, folder: Path) -> None:
 
 
 def _by_namespace(folder: Path) -> dict[str, Path]:
-    """Schema files of a folder, by what they define."""
+    """Schema files of a folder, by their target namespace."""
     found: dict[str, Path] = {}
     for file in sorted(folder.rglob("*.xsd")):
         if file.is_file() and file.stat().st_size <= _MOST:

@@ -1,7 +1,7 @@
-"""Pass or fail by a decision rule: ISO 14253-1, the uncertainty counts against whoever claims.
+"""Decision rule of ISO 14253-1: the uncertainty counts against the party that makes the claim.
 
-A point passes where error + U <= tolerance, fails where error - U > tolerance, and between the two
-nothing is decided.
+A point passes if error + U <= tolerance and fails if error - U > tolerance; between the two it is
+not decided.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 class Decision(Enum):
-    """What a measurement says of a tolerance."""
+    """Result of the comparison of a measured error with a tolerance."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -24,7 +24,7 @@ class Decision(Enum):
 
 
 def decided(error: Array, expanded: Array, tolerance: float) -> tuple[Decision, ...]:
-    """Of each point.
+    """Decide each point.
 
     Args:
         error: 3-D distances, (n,) [m].
@@ -42,11 +42,11 @@ def decided(error: Array, expanded: Array, tolerance: float) -> tuple[Decision, 
 
 
 def of_all(points: Sequence[Decision], whole: bool) -> Decision:
-    """Of a machine: it passes where every point does, and none was set aside.
+    """Decide a machine: it passes if every point does, and `whole` is true.
 
     Args:
-        points: of those that were judged.
-        whole: whether all that was measured was judged.
+        points: decisions of the points.
+        whole: whether a pass is allowed: no point was set aside, and the errors are held out.
     """
     if Decision.FAIL in points:
         return Decision.FAIL

@@ -1,4 +1,4 @@
-"""A report as data: sections of sentences, tables and figures, before anything is drawn."""
+"""Data model of a report: sections of sentences, tables and figures, independent of drawing."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from delta_calibration.report.drawing import Figure
 
 @dataclass(frozen=True)
 class Table:
-    """Rows as they are shown; numbers with their units in the head. `name` is that of its file."""
+    """Table of texts with the units in the head; `name` is its file name."""
 
     name: str
     title: str
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     caption: str = ""
-    words: tuple[int, ...] = (0,)  # columns that hold words: set to the left
+    words: tuple[int, ...] = (0,)  # columns of words, aligned to the left
 
 
 @dataclass(frozen=True)
 class Section:
-    """A heading with what belongs under it."""
+    """Section with heading, text, tables and figures."""
 
     name: str
     title: str
@@ -32,7 +32,7 @@ class Section:
     figures: tuple[Figure, ...] = ()
 
     def renamed(self, name: Callable[[str], str]) -> Section:
-        """The same with what it says in other words."""
+        """Copy with all texts, table cells and figures translated by a function."""
         tables = tuple(
             replace(t, rows=tuple(tuple(map(name, row)) for row in t.rows)) for t in self.tables
         )
@@ -42,7 +42,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Statement:
-    """One of the answers on top."""
+    """Question with its answer, at the top of a report."""
 
     question: str
     answer: str
@@ -50,7 +50,7 @@ class Statement:
 
 @dataclass(frozen=True)
 class KeyFigure:
-    """A number that is read from across the room."""
+    """Main result, displayed as a large number."""
 
     name: str
     value: str
@@ -60,7 +60,7 @@ class KeyFigure:
 
 @dataclass(frozen=True)
 class Report:
-    """All that a page shows, in its order. `data` goes into the JSON as it is."""
+    """Content of a report in its order; `data` is copied to the JSON file unchanged."""
 
     title: str
     subtitle: str
@@ -69,7 +69,7 @@ class Report:
     key_figures: tuple[KeyFigure, ...]
     sections: tuple[Section, ...]
     data: Mapping[str, Any] = field(default_factory=dict)
-    signatures: tuple[str, ...] = ()  # who signs; none: the usual lines, on paper
+    signatures: tuple[str, ...] = ()  # who signs; if empty, the usual lines, on paper only
 
     def figures(self) -> Iterator[Figure]:
         """Every figure, in order."""

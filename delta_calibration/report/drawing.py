@@ -1,7 +1,7 @@
-"""What a figure shows, apart from what draws it: arrays with their axes, names and units.
+"""Description of a figure, independent of the renderer: arrays with axes, names and units.
 
-Colours are those of Okabe and Ito, which stay apart for every kind of colour vision; lines differ
-in their dashes and points in their symbols as well, so that a grey print can be read.
+Colours are those of Okabe and Ito, which are distinct for every kind of colour vision; lines also
+differ in their dashes and points in their symbols, so that a grey print is readable.
 """
 
 from __future__ import annotations
@@ -23,23 +23,23 @@ SYMBOLS = ("circle", "diamond", "square", "triangle", "cross")
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis, its unit within the title in square brackets."""
+    """Axis of a panel; its title contains the unit in square brackets."""
 
     title: str
     log: bool = False
     low: float | None = None
     high: float | None = None
-    names: tuple[str, ...] = ()  # of the places 0, 1, ... where the axis holds names
+    names: tuple[str, ...] = ()  # names of the positions 0, 1, ... on an axis of names
 
     @classmethod
     def side_by_side(cls, title: str, names: tuple[str, ...]) -> Axis:
-        """Names with room beside the first and the last, which else would be left away."""
+        """Axis of names with a margin at both ends, so that the first and last are not cut off."""
         return cls(title, names=names, low=-0.5, high=len(names) - 0.5)
 
 
 @dataclass(frozen=True)
 class Scale:
-    """Colours of a field, the same in all panels that share it."""
+    """Colour scale of a field, shared by panels."""
 
     title: str
     low: float
@@ -58,14 +58,14 @@ class Points:
     colour: str = CALIBRATED
     symbol: str = "circle"
     size: float = 4.0
-    error: Array | None = None  # (n,) either way along x where the axis of y holds names, else y
-    told: tuple[str, ...] = ()  # of each point, shown when pointed at
-    edge: bool = False  # drawn round, to be seen on a field
+    error: Array | None = None  # (n,) half-width of the bar: along x if y has names, else along y
+    told: tuple[str, ...] = ()  # hover text of each point
+    edge: bool = False  # whether points have an outline, to be visible on a field
 
 
 @dataclass(frozen=True)
 class Line:
-    """A curve, with a band about it where `low` and `high` are given."""
+    """A curve, with a band about it if `low` and `high` are given."""
 
     name: str
     x: Array  # (n,)
@@ -78,10 +78,10 @@ class Line:
 
 @dataclass(frozen=True)
 class Bars:
-    """Lengths along x from zero, one at each name of y."""
+    """Horizontal bars from zero, one at each name of the y axis."""
 
     name: str
-    place: Array  # (n,) of the names
+    place: Array  # (n,) indices of the names
     length: Array  # (n,)
     colour: str = CALIBRATED
     told: tuple[str, ...] = ()
@@ -96,26 +96,26 @@ class Field:
     y: Array  # (m,)
     value: Array  # (m, k)
     scale: Scale
-    told: tuple[tuple[str, ...], ...] = ()  # (m, k) shown when pointed at
+    told: tuple[tuple[str, ...], ...] = ()  # (m, k) hover texts
 
 
 @dataclass(frozen=True)
 class Rule:
-    """A value to compare with, right across the panel."""
+    """Reference line at a value, across the whole panel."""
 
     name: str
     value: float
     colour: str = PAPER
     dash: str = "dash"
-    upright: bool = False  # a value of x
-    at: float = 1.0  # where its name stands along it, 0 to 1
-    side: str = "center"  # of an upright one: where its name stands beside it (left, right)
+    upright: bool = False  # vertical line at a value of x
+    at: float = 1.0  # position of its name along the line, 0 to 1
+    side: str = "center"  # side of its name, of a vertical line (left, center, right)
 
 
 def course(
     name: str, x: Array, y: Array, colour: str, dash: str, symbol: str
 ) -> tuple[Line, Points]:
-    """A few values in a row: a line with points on it, named once."""
+    """Line with points on it for a short series, with one legend entry."""
     return Line(name, x, y, colour, dash), Points("", x, y, colour, symbol, 7.0)
 
 
@@ -130,11 +130,11 @@ class Panel:
     x: Axis
     y: Axis
     marks: tuple[Mark, ...]
-    equal: bool = False  # a metre is as long along x as along y
-    tall: float = 1.0  # height over the usual one
+    equal: bool = False  # equal scale along x and y
+    tall: float = 1.0  # height relative to the usual one
 
     def renamed(self, name: Callable[[str], str]) -> Panel:
-        """The same with all its words changed."""
+        """Copy with the title, the axes and the names of marks translated by a function."""
         x, y = (
             replace(axis, title=name(axis.title), names=tuple(map(name, axis.names)))
             for axis in (self.x, self.y)
@@ -145,7 +145,7 @@ class Panel:
 
 @dataclass(frozen=True)
 class Figure:
-    """Panels that belong together. `name` is that of its files."""
+    """Figure of one or more panels; `name` is its file name."""
 
     name: str
     title: str
@@ -154,20 +154,20 @@ class Figure:
     columns: int = 2  # on a wide page
 
     def renamed(self, name: Callable[[str], str]) -> Figure:
-        """The same with all its words changed: titles, axes, names of marks and of places."""
+        """Copy with titles, caption, axes and names of marks translated by a function."""
         panels = tuple(panel.renamed(name) for panel in self.panels)
         title, caption = name(self.title), name(self.caption)
         return replace(self, title=title, caption=caption, panels=panels)
 
     @property
     def scale(self) -> Scale | None:
-        """Of its fields; they share it."""
+        """Colour scale shared by the fields of the figure; None without fields."""
         marks = (mark for panel in self.panels for mark in panel.marks)
         return next((mark.scale for mark in marks if isinstance(mark, Field)), None)
 
     @property
     def legend(self) -> tuple[Points | Line | Bars, ...]:
-        """One mark of each name; none where a single name says nothing."""
+        """One mark of each name; empty if there is only one name."""
         named: dict[str, Points | Line | Bars] = {}
         for panel in self.panels:
             for mark in panel.marks:

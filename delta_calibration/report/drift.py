@@ -1,4 +1,4 @@
-"""Calibrations of one robot beside each other: how the machine changed over months."""
+"""Comparison of calibrations of one robot: change of the machine over time."""
 
 from __future__ import annotations
 
@@ -36,30 +36,30 @@ from delta_calibration.wording import NO_VALUE, figures, listed, mm, moment, spo
 Array = NDArray[np.float64]
 
 MM = 1e3
-_DRAWS = 4096  # poses at which two machines are held against each other, if both know them
-_FEWEST = 4  # of them
-_SHOWN = 6  # parameters that drift most
+_DRAWS = 4096  # poses sampled to compare two machines; only those valid for both are used
+_FEWEST = 4  # smallest number of valid poses
+_SHOWN = 6  # number of parameters shown, those that drift most
 UNITS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 
 
 @dataclass(frozen=True)
 class CalibrationRecord:
-    """A calibration with what a comparison needs beside it."""
+    """Calibration with the additional data for a comparison."""
 
     name: str
-    start: str  # of the session, ISO 8601
+    start: str  # start of the session, ISO 8601
     calibration: Calibration
-    std: Array  # (p,) of the geometry
+    std: Array  # (p,) standard errors of the geometry
     error_left: float  # [m]
 
     @property
     def when(self) -> str:
-        """The same as people read it."""
+        """Start of the session, for display."""
         return moment(int(datetime.fromisoformat(self.start).timestamp()) * 1_000_000_000)
 
 
 def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
-    """A calibration file made for this robot.
+    """Read a calibration file made for this robot.
 
     Raises:
         ConfigError: see `load_calibration`.
@@ -77,7 +77,7 @@ def read_calibration(path: Path, robot: Robot) -> CalibrationRecord:
 
 
 def drift_of_calibrations(records: Sequence[CalibrationRecord]) -> Report:
-    """How far the machine, as each calibration has it, is from the first, oldest first.
+    """Report the change of the machine from the oldest calibration to each later one.
 
     Raises:
         DataError: calibrations of different models, or without a common region.
@@ -140,7 +140,7 @@ def shift(a: Calibration, b: Calibration) -> tuple[float, float]:
     """Root mean square and largest distance between two machines at the same joints [m].
 
     Raises:
-        DataError: different models, or no joint angles that both were measured at.
+        DataError: different models, or too few joint angles in the range of both calibrations.
     """
     mechanism = a.chain.mechanism
     if mechanism.name != b.chain.mechanism.name:
@@ -163,11 +163,11 @@ def shift(a: Calibration, b: Calibration) -> tuple[float, float]:
 
 
 def _drawn(mechanism: Mechanism, a: Calibration, low: Array, high: Array) -> Array:
-    """Joints (n, m) of poses in a's region; NaN rows where there is none.
+    """Sample joints (n, m) of poses in a's region; rows may be NaN.
 
-    By their places and the turns of the robot file's workspace; where that states none, evenly
-    between the ends (m,). A grid over the joints would be 43 million on eight cables, hardly any
-    of which fit together.
+    Samples positions and the rotations of the robot file's workspace; if it states none, joints
+    evenly between the ends (m,). A grid over the joints would have 43 million nodes on eight
+    cables, of which hardly any are consistent.
     """
     nominal, box = mechanism.parameters.nominal, a.robot.workspace
     if box is not None:
@@ -183,7 +183,7 @@ def _drawn(mechanism: Mechanism, a: Calibration, low: Array, high: Array) -> Arr
 
 
 def _known(mechanism: Mechanism, joint: Array, a: Calibration, b: Calibration) -> Array:
-    """Those of the joints (n, m) that both calibrations have, in both regions and regular."""
+    """Joints (n, m) that lie in the ranges and regions of both calibrations and are regular."""
     joint, nominal = joint[np.isfinite(joint).all(axis=1)], mechanism.parameters.nominal
     x = mechanism.forward(joint, nominal)
     good = mechanism.condition(joint, x, nominal) <= a.robot.limits.condition
@@ -198,7 +198,7 @@ def _apart(a: Calibration, b: Calibration) -> DataError:
 
 
 def standardised(a: CalibrationRecord, b: CalibrationRecord) -> Array:
-    """Change of each dimension over its standard error, (p,)."""
+    """Change of each dimension divided by its standard error, (p,)."""
     spread = np.hypot(a.std, b.std)
     change = b.calibration.geometry - a.calibration.geometry
     return np.divide(change, spread, out=np.zeros_like(change), where=spread > 0)

@@ -1,8 +1,8 @@
-"""Residuals against the quantity that gives a cause away, and what the model makes of them.
+"""Plots of residuals and predicted effect against the quantity that a cause depends on.
 
-Component and residual: all but one term are in the model, so that what is left holds the
-term's own part and the noise. A drive's part is shown as the angle by which each joint would
-have to stand off; any other part in mm, along the direction that it moves the reflector most.
+Component-plus-residual plots: all terms but one are in the model, so that the residual contains
+that term's part and the noise. A drive's part is shown as the equivalent joint error; any other
+part in mm, along the direction in which it moves the reflector most.
 """
 
 from __future__ import annotations
@@ -38,25 +38,25 @@ Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 MM, UM = 1e3, 1e6
-_MOVING = 0.25  # a part at rest this small beside the one in motion is shown in motion
-_MOST = 1200  # samples in a panel
+_MOVING = 0.25  # ratio of the part at rest to that in motion below which motion is shown
+_MOST = 1200  # largest number of samples in a panel
 _COLOURS = ((PLUS, "circle"), (MINUS, "diamond"), (THIRD, "square"))
-_SPREAD = 0.2  # [kg, °C, ...] share of a range that says that something changed
+_SPREAD = 0.2  # [°C] range of a temperature above which it is plotted
 
 
 @dataclass(frozen=True)
 class _Seen:
-    """A term's part: what is left without it, and what it makes of that."""
+    """Residual without a term, and the term's prediction of it."""
 
     measured: Array  # (n, panels)
     predicted: Array  # (n, panels)
     titles: tuple[str, ...]  # of the panels
-    joints: tuple[int, ...]  # whose regressor each panel takes
+    joints: tuple[int, ...]  # joint whose regressor each panel uses
     unit: str
 
 
 def giveaways(judged: Judged, robot: Robot) -> tuple[Figure, ...]:
-    """One figure a term."""
+    """Make one figure for each term that is an effect."""
     model = judged.diagnosis.model
     return tuple(
         _figure(judged, robot, term, term.effect, number)
@@ -93,7 +93,7 @@ def _figure(judged: Judged, robot: Robot, term: Candidate, effect: Effect, numbe
 
 
 def _rows(judged: Judged, term: Candidate) -> Index:
-    """The poses; readings in motion for what shows in motion only."""
+    """Rows to show: the poses, or readings in motion for a term that only shows there."""
     evidence = judged.evidence
     moving = np.flatnonzero(evidence.believed)
     moving = moving[moving >= evidence.poses]
@@ -132,7 +132,7 @@ def _seen(judged: Judged, robot: Robot, term: Candidate, rows: Index) -> _Seen:
 
 
 def _joints(term: Candidate, count: int) -> list[int]:
-    """The joint a term sits at, or all."""
+    """Index of the joint at which a term is located, or all joints."""
     if term.location and term.location.startswith("joint_"):
         return [int(term.location.removeprefix("joint_")) - 1]
     return list(range(count))
@@ -148,7 +148,7 @@ def _panel(seen: _Seen, k: int, against: Regressor, at: Conditions, groups: Grou
 
 
 def leftovers(judged: Judged, robot: Robot) -> Figure:
-    """What the extended model leaves at the poses, against what might still be in it."""
+    """Residuals of the extended model at the poses, against quantities that may explain them."""
     rows = judged.rows
     at = judged.evidence.at.take(rows)
     left = MM * judged.left()[rows]
@@ -180,13 +180,13 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
 
 
 def _by_axis(x: Array, left: Array) -> Iterator[Points]:
-    """Residuals (n, 3) [mm] over x (n,)."""
+    """Points of the residuals (n, 3) [mm] over x (n,), for each axis."""
     for k, (name, (colour, symbol)) in enumerate(zip("xyz", _COLOURS, strict=True)):
         yield Points(f"along {name} of the tracker", x, left[:, k], colour, symbol)
 
 
 def _recorded(at: Conditions, robot: Robot) -> Iterator[Regressor]:
-    """What changed in the session."""
+    """Quantities that changed in the session."""
     yield CLOCK
     own = ANGLE.of_joints(robot.joints.unit)
     for j, name in enumerate(robot.joints.names):

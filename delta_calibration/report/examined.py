@@ -1,4 +1,4 @@
-"""A session's poses held against a machine as identified: what a certificate is made of."""
+"""Comparison of a session's poses with the identified machine, as the basis of a certificate."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from delta_calibration.uncertainty import Identified
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_BESIDE = 1e-2  # of the range of each joint: errors of the machine move it by so much
-_ON_FACE = 1e-6  # [m] a place this near to a face of the region is on it
+_BESIDE = 1e-2  # margin over the range of each joint, for the errors of the machine
+_ON_FACE = 1e-6  # [m] tolerance for a place on a face of the region
 
 
 @dataclass(frozen=True)
 class Examined:
-    """Measured poses beside what the drawing and the identified machine say of them."""
+    """Measured poses with their errors by the nominal and by the identified machine."""
 
     robot: Robot
     poses: Poses
@@ -45,7 +45,7 @@ class Examined:
     joint_range: tuple[Array, Array]  # lowest and highest measured, (m,) [rad or m]
     target: Array  # (n, 3) [m] tool points that were commanded, by the drawing, in the base
     before: Array  # (n, 3) [m] measured less commanded, in the base; drawing in its best place
-    after: Array  # (n, 3) [m] what would have been left had the commands been corrected
+    after: Array  # (n, 3) [m] error that would remain with corrected commands
     believed: Mask  # (n,) whether the fit counts a pose
     seen: bool  # whether the identified machine was fitted to these very poses
     doubts: tuple[str, ...] = ()
@@ -57,19 +57,19 @@ class Examined:
         return np.asarray(self.target.mean(axis=0))
 
     def tools(self, platform: Array) -> Array:
-        """Tool points of platforms at places (k, 3) [m], turned as at the nearest pose."""
+        """Tool points of platforms at places (k, 3) [m], oriented as at the nearest pose."""
         near = np.argmin(cdist(platform, self._platform), axis=1)
         return np.asarray(platform + (self.target - self._platform)[near])
 
     @cached_property
     def _platform(self) -> Array:
-        """Of the poses by the drawing, (n, 3) [m]; the region is made of these."""
+        """Nominal platform positions of the poses, (n, 3) [m]; they define the region."""
         model = self.robot.commanded
         x = model.forward(self.poses.command, model.parameters.nominal)
         return np.asarray(model.position(x))
 
     def conditions(self, joint: Array) -> Conditions:
-        """Joints (n, m) at rest, with the session's median payload and temperatures."""
+        """Conditions of joints (n, m) at rest, with the session's median load and temperatures."""
         n, poses = len(joint), self.poses
         payload = float(np.median(np.nan_to_num(poses.payload)))
         warm = np.nanmedian(poses.temperature, axis=0) if poses.temperature_parts else np.zeros(0)
@@ -83,7 +83,7 @@ class Examined:
 
     @property
     def measured(self) -> Array:
-        """Where the tracker saw the poses, (n, 3) [m] in the base."""
+        """Measured positions, (n, 3) [m] in the base."""
         return np.asarray(self._frame.inverse().apply(self.poses.point))
 
     @property
@@ -96,10 +96,10 @@ class Examined:
         return np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True))
 
     def joints_at(self, places: Array) -> Array:
-        """Joints that the drawing takes for tool points (k, 3) [m] of the region, (k, m).
+        """Nominal joints for tool points (k, 3) [m] of the region, (k, m).
 
-        The platform is turned there as at the nearest measured pose. NaN out of reach, outside the
-        region, and beyond the joints that were measured.
+        The platform is oriented as at the nearest measured pose. NaN out of reach, outside the
+        region, and beyond the measured joint range.
         """
         turns = tool_frames(self.robot, self.poses.command)[1]
         near = np.argmin(cdist(places, self.target), axis=1)
@@ -108,14 +108,14 @@ class Examined:
         return joint
 
     def radius_at(self, places: Array, stated: Array | None = None) -> Array:
-        """Within how far of tool points (k, 3) of the region corrected ones lie with 95 %, (k,).
+        """95 % radius of corrected positions about tool points (k, 3) of the region, (k,) [m].
 
         Args:
-            places: [m] in the base.
-            stated: covariance of what is uncertain beside, (k, 3, 3) [m^2].
+            places: tool points in the base, (k, 3) [m].
+            stated: additional covariance by stated uncertainties, (k, 3, 3) [m^2].
 
         Returns:
-            [m]; NaN where `joints_at` is.
+            Radius, (k,) [m]; NaN where `joints_at` is.
         """
         joint, radius = self.joints_at(places), np.full(len(places), np.nan)
         rows = np.flatnonzero(np.isfinite(joint).all(axis=1))
@@ -125,7 +125,7 @@ class Examined:
         return radius
 
     def _inside(self, joint: Array) -> Mask:
-        """Whether joints (k, m) and where they take the platform are among what was measured."""
+        """Whether joints (k, m) and their platform positions lie in the measured range."""
         low, high = self.joint_range
         margin = _BESIDE * (high - low)
         model = self.robot.commanded
@@ -138,7 +138,7 @@ class Examined:
 
 
 def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
-    """By a fit to these poses: errors are those of poses that were held out of it."""
+    """Examine poses by a fit to themselves; the errors are held-out errors."""
     at, counted = poses.conditions, found.weight > 0
     turned = found.frame.rotation
     whole = poses.point - found.chain.predict(at, found.theta)
@@ -165,15 +165,15 @@ def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
 
 
 def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examined:
-    """By a calibration made before, the tracker's frame fitted to these poses alone.
+    """Examine poses by an earlier calibration; only the tracker's frame is fitted to them.
 
     Args:
-        calibration: with what makes its positions uncertain.
-        poses: what was measured.
+        calibration: calibration with the uncertainty of its positions.
+        poses: measured poses.
         robot: drawing, tracker.
 
     Raises:
-        DataError: a calibration that does not tell its uncertainties, or poses out of its reach.
+        DataError: a calibration without uncertainties, or poses out of its reach.
     """
     identified = calibration.identified
     if identified is None:

@@ -1,4 +1,4 @@
-"""The page of a fleet: machines by state, what they share, which to visit first."""
+"""Report of a fleet: machines by state, shared causes, and the order of visits."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from delta_calibration.report.drawing import (
 )
 from delta_calibration.wording import NO_VALUE, capital, chance, figures, listed, mm, spoken
 
-_FIRST = 10  # visits on top; the others are in the table of all
-_WIDE = 20.0  # times the least error from which on the axis is logarithmic
-_FREQUENT = 8  # causes that are listed by how many machines have them
-_NAMED = 6  # machines that a sentence names
+_FIRST = 10  # visits listed first; the others are in the table of all machines
+_WIDE = 20.0  # ratio of largest to smallest error above which the axis is logarithmic
+_FREQUENT = 8  # causes listed with their numbers of machines
+_NAMED = 6  # machines named in a sentence
 _COLOUR = {UNKNOWN: THIRD, DRIFTED: BEFORE, CAUSE: CALIBRATED, STALE: GREY, FINE: EXTENDED}
 
 
@@ -48,14 +48,14 @@ def page_of_fleet(
     day: datetime,
     lately_days: int,
 ) -> Report:
-    """The page.
+    """Make the report of a fleet.
 
     Args:
-        fleet: how each machine stands, at least one.
-        shared: causes that machines share, surest first.
-        never: machines of which no session gave a result, and what was said of them.
-        day: of which is told.
-        lately_days: how long ago a session or a change counts.
+        fleet: state of each machine, at least one.
+        shared: causes shared by machines, most certain first.
+        never: machines without a result of any session, with the messages about them.
+        day: date of the report.
+        lately_days: age up to which a session or a change counts as recent [days].
     """
     of, visits = Counter(each.state for each in fleet), first_visits(fleet)
     return Report(
@@ -197,7 +197,7 @@ def _shared(shared: Sequence[Shared]) -> Table:
 
 
 def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
-    """How many machines have each cause, the most frequent first."""
+    """Table of the number of machines with each cause, the most frequent first."""
     causes = (spoken(c) for each in fleet for c in {f["cause"] for f in each.findings})
     counted = sorted(Counter(causes).items(), key=lambda one: (-one[1], one[0]))[:_FREQUENT]
     if not counted:
@@ -209,7 +209,7 @@ def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
 
 
 def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
-    """Error left of each machine's last session over its age, by state."""
+    """Figure of the error left of each machine's last session over its age, by state."""
     every, marks = [each.error_left_mm for each in fleet], []
     for state, symbol in zip(STATES, SYMBOLS, strict=True):
         here = [each for each in fleet if each.state == state]

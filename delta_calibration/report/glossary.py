@@ -164,6 +164,6 @@ TERMS: tuple[tuple[str, str], ...] = (
 
 
 def glossary_section() -> Section:
-    """The words at the end of a page."""
+    """Section with the glossary, at the end of a page."""
     table = Table(GLOSSARY, "", ("word", "meaning"), TERMS, words=(0, 1))
     return Section(GLOSSARY, "What the words mean", (), (table,))

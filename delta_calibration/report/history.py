@@ -1,4 +1,4 @@
-"""The change log of a machine as a page: what changed when, and the sessions one by one."""
+"""Report of a machine's history: its changes with their times, and each session."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ from delta_calibration.wording import mm, reader_unit, spoken, sure
 
 Array = NDArray[np.float64]
 
-_ROOM = 1.25  # beyond the least and the largest value
-_FEW = 3  # changes that are told in sentences
-_BESIDE = 0.3  # of a session, that a line goes on beyond the outermost ones
-_TOO_SMALL = 1.0  # chi square that a logarithmic axis begins with
+_ROOM = 1.25  # factor of the axis beyond the smallest and the largest value
+_FEW = 3  # changes that are described in sentences
+_BESIDE = 0.3  # overhang of a line beyond the first and last session [sessions]
+_TOO_SMALL = 1.0  # smallest chi square on the logarithmic axis
 
 
 def page_of_history(
     machine: str, found: History, errors: Sequence[tuple[str, datetime, float]]
 ) -> Report:
-    """The page of one machine.
+    """Make the report of one machine.
 
     Args:
-        machine: its name.
-        found: its sessions and what changed between them.
-        errors: id, begin and error left [mm] of each session by its own fit, in order of time.
+        machine: name of the machine.
+        found: its sessions and the changes between them.
+        errors: id, start and error left [mm] of each session by its own fit, in order of time.
     """
     count, began = len(found.changes), [when for _, when, _ in errors]
     return Report(
@@ -67,7 +67,7 @@ def page_of_history(
 
 
 def _told(found: History) -> tuple[str, ...]:
-    """The change log, of its changes the first few: all are in the table."""
+    """Sentences of the change log, limited to the first few changes: all are in the table."""
     count, every = len(found.changes), found.sentences()
     if count <= _FEW:
         return every
@@ -103,7 +103,7 @@ def _row(change: Change) -> tuple[str, ...]:
 
 
 def _courses(found: History) -> tuple[Figure, ...]:
-    """What each session says of the numbers that changed."""
+    """Figure of the parameters that changed, as estimated by each session."""
     if not found.changes:
         return ()
     caption = (
@@ -118,7 +118,7 @@ def _courses(found: History) -> tuple[Figure, ...]:
 
 
 def _course(sessions: tuple[str, ...], changes: Sequence[Change]) -> Panel:
-    """One number over the sessions, with its changes in the order of time."""
+    """Panel of one parameter over the sessions, with its changes in order of time."""
     one, place = changes[0], np.arange(len(sessions), dtype=float)
     factor, unit = reader_unit(one.unit, max(abs(v) for c in changes for v in (c.from_, c.to)))
     value, std = factor * np.array(one.course).T

@@ -1,4 +1,4 @@
-"""What the figures of a diagnosis share: errors held out pose by pose, and the three machines."""
+"""Common data of a diagnosis' figures: held-out errors of each pose by the three models."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Judged:
-    """A diagnosis as its figures need it; the first axis of the errors is the believed pose."""
+    """Diagnosis with the data for its figures; first axis of the errors: the accepted pose."""
 
     diagnosis: Diagnosis
-    rows: Index  # (n,) of the evidence
+    rows: Index  # (n,) rows of the evidence
     place: Array  # (n, 3) [m] platform's centre in the base
-    before: Array  # (n,) [m] 3-D distance, each pose predicted by a fit that has not seen it
+    before: Array  # (n,) [m] held-out 3-D error of each pose, by the model before
     calibrated: Array  # (n,) [m]
     extended: Array  # (n,) [m]
 
     @classmethod
     def of(cls, diagnosis: Diagnosis) -> Judged:
-        """Of a diagnosis."""
+        """Compute the data from a diagnosis."""
         held, evidence = diagnosis.held, diagnosis.held.evidence
         rows = np.flatnonzero(held.poses)
         models = [diagnosis.before, held.terms((), held.sectors), diagnosis.after]
@@ -40,7 +40,7 @@ class Judged:
 
     @property
     def evidence(self) -> LinearizedModel:
-        """About the extended model."""
+        """Model linearised about the extended model."""
         return self.diagnosis.held.evidence
 
     @property
@@ -50,14 +50,14 @@ class Judged:
 
     @property
     def calibrated_theta(self) -> Array:
-        """Geometry, offset and frame without the terms, linearly, (P,) of the base chain."""
+        """Linear estimate of geometry, offset and frame without the terms, (P,) of the chain."""
         problem, evidence = self.diagnosis.model.problem, self.evidence
         z = evidence.best(evidence.misfit)
         base = problem.chain.layout.base
         return np.asarray(problem.theta0[base] + problem.basis[base, base] @ z[base])
 
     def usual(self, joint: Array, direction: float) -> Conditions:
-        """Joints (n, m) [rad] at rest as in the middle of the session, all reached from one side.
+        """Conditions of joints (n, m) [rad] at rest, all approached from one side.
 
         Payload, temperatures and time are the medians of the session.
         """
@@ -75,24 +75,24 @@ class Judged:
         )
 
     def moved_by(self, term: Candidate, rows: Index) -> Array:
-        """What a term moves readings by, (n, 3) [m] in the tracker's frame."""
+        """Displacement of the readings by a term, (n, 3) [m] in the tracker's frame."""
         evidence = self.evidence
         best = self.diagnosis.model.values(term) / _priors(term, self.diagnosis)
         whitened = moved_by(term, evidence, best).reshape(evidence.residual.shape)
         return evidence.metres(whitened[rows], rows)
 
     def left(self) -> Array:
-        """Measured less predicted by the extended model, (all, 3) [m]; NaN for the set aside."""
+        """Residuals of the extended model, (all, 3) [m]; NaN for readings set aside."""
         beside = self.diagnosis.model.beside
         return beside.missed(beside.best(beside.misfit))
 
     def beside_term(self, term: Candidate, rows: Index) -> Array:
-        """What is left when all but one term are in the model, (n, 3) [m]."""
+        """Residuals with all terms but one in the model, (n, 3) [m]."""
         return np.asarray(self.left()[rows] + self.moved_by(term, rows))
 
 
 def _priors(term: Candidate, diagnosis: Diagnosis) -> Array:
-    """Priors that the columns of a term are scaled by, (k,)."""
+    """Prior standard deviations by which the columns of a term are scaled, (k,)."""
     chain = diagnosis.model.problem.chain
     items = (
         chain.mechanism.parameters.items if term.effect is None else (term.effect.parameters.items)

@@ -1,7 +1,7 @@
-"""Error along the line of the plan of that name.
+"""Error along the line of the plan `line`.
 
-It is the Delta paper's, x = -y, z = -711 mm, beside what that measured there, or where the robot
-file states a workspace one through its middle.
+This is the line of the Delta paper, x = -y, z = -711 mm, with the errors measured there; or, if
+the robot file states a workspace, a line through its middle.
 """
 
 from __future__ import annotations
@@ -38,44 +38,44 @@ PAPER_MAX, PAPER_MEAN, PAPER_THREE_STD = 3.305, 0.803, 2.086  # [mm] table 3, no
 _POINTS = 181
 _AXES = "xyz"
 _SURE = 1.96
-_FEWEST = 3  # points that a spread is told of
+_FEWEST = 3  # smallest number of points for statistics
 
 
 @dataclass(frozen=True)
 class AlongLine:
-    """What the models say of the line; the first axis is the point."""
+    """Errors of the models along the line; the first axis is the point."""
 
     target: Array  # (n, 3) [m]
-    papers: bool  # whether it is the paper's
-    before: Array  # (n,) [m] extended machine less drawing, root mean square of both sides
-    calibrated: Array  # (n,) [m] extended less calibrated machine, likewise
-    spread: Array  # (n,) [m] standard error of the extended machine's point, 3-D
-    inside: NDArray[np.bool_]  # (n,) within the region that was measured
-    extended: bool  # whether the extended machine has effects that the calibrated one has not
+    papers: bool  # whether it is the paper's line
+    before: Array  # (n,) [m] extended minus nominal model, root mean square of both sides
+    calibrated: Array  # (n,) [m] extended minus calibrated model, likewise
+    spread: Array  # (n,) [m] standard error of the extended model's point, 3-D
+    inside: NDArray[np.bool_]  # (n,) within the measured region
+    extended: bool  # whether the extended model has effects that the calibrated one has not
 
     @property
     def way(self) -> int:
-        """Which of x, y, z goes along it, 0 to 2."""
+        """Index of the coordinate along the line, 0 to 2 for x, y, z."""
         return int(np.argmax(np.abs(self.target[-1] - self.target[0])))
 
     @property
     def along(self) -> Array:
-        """That coordinate, (n,) [m]."""
+        """Coordinate along the line, (n,) [m]."""
         return np.asarray(self.target[:, self.way])
 
     @property
     def title(self) -> str:
-        """What a page calls it."""
+        """Title of the line on a page."""
         return "Along the paper's line" if self.papers else "Along a line"
 
     @property
     def bound(self) -> Array:
-        """Within which the last machine's point is known, 95 %, (n,) [m]."""
+        """95 % bound of the error of the last model's point, (n,) [m]."""
         return _SURE * self.spread
 
     @property
     def words(self) -> str:
-        """What the errors are."""
+        """Sentences that define the errors."""
         last = "extended" if self.extended else "calibrated"
         between = "Calibrated: extended model minus calibrated geometry. " if self.extended else ""
         return (
@@ -85,7 +85,7 @@ class AlongLine:
 
     @property
     def errors(self) -> tuple[Line, ...]:
-        """The curves; where no effects were found there is no calibrated one beside the last."""
+        """Curves of the errors; without effects, the calibrated model is the last one."""
         x = MM * self.along
         before = Line("before", x, MM * self.before, BEFORE)
         if not self.extended:
@@ -100,7 +100,7 @@ class AlongLine:
 
     @property
     def where(self) -> str:
-        """Where it lies, for people."""
+        """Equations of the line, for display."""
         if self.papers:
             return "x = −y, z = −711 mm"
         still = (k for k in range(3) if k != self.way)
@@ -109,12 +109,12 @@ class AlongLine:
 
 
 def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
-    """The models' differences along the line; None for a robot that does not reach it.
+    """Compute the models' differences along the line; None for a robot that does not reach it.
 
-    The machine is taken as the extended model has it. What the drawing misses of it is the error
-    before, in the best frame of the session; what the calibrated geometry misses is the error
-    that compensation by it leaves; what the extended model misses is known by its standard error
-    only.
+    The extended model stands for the true machine. Its difference from the nominal robot, in the
+    best frame of the session, is the error before; that from the calibrated geometry is the error
+    left by compensation with it. The error of the extended model itself is only known by its
+    standard error.
     """
     try:
         plan = make_plan("line", robot, count=_POINTS, both_sides=False)
@@ -129,11 +129,11 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
         at = judged.usual(plan.joint, side)
         seen = found.chain.see(at, found.theta)
         slope = seen.jacobian
-        # linear, as in the fit: offset and frame may lie far from the other's, but move nothing
+        # linear, as in the fit: offset and frame may differ much, but compensate each other
         for row, missed in enumerate((seen.reading - base.predict(at, drawing), slope @ change)):
             square[row] += np.sum(missed**2, axis=1) / 2
     spread = np.sqrt(np.einsum("nip,pq,niq->n", slope, found.uncertainty.covariance, slope))
-    # the region is that of the platform's centre, wherever the tool sits on it
+    # the region is that of the platform's centre, not of the tool
     meant = robot.commanded.forward(plan.joint, robot.commanded.parameters.nominal)
     inside = judged.region.outside(robot.commanded.position(meant)) <= 0
     before, calibrated = np.sqrt(square)
@@ -143,7 +143,7 @@ def along_line(judged: Judged, robot: Robot) -> AlongLine | None:
 
 
 def line_figure(line: AlongLine) -> Figure:
-    """The three errors along it; the paper's mean and largest beside them on its own line."""
+    """Figure of the errors along the line; on the paper's line with its mean and maximum."""
     x, axis = MM * line.along, _AXES[line.way]
     beyond = (
         f" {np.sum(~line.inside)} of {len(x)} points are outside the measured region, where the "
@@ -183,7 +183,7 @@ def line_figure(line: AlongLine) -> Figure:
 
 
 def _ends(x: Array, inside: NDArray[np.bool_]) -> tuple[Rule, ...]:
-    """Where the region that was measured begins and ends along the line (n,) [mm], if it does."""
+    """Marks at the ends of the measured region along the line (n,) [mm], if it ends there."""
     if inside.all() or not inside.any():
         return ()
     ends = ("measured from", x[inside].min()), ("to", x[inside].max())
@@ -211,5 +211,5 @@ def line_table(line: AlongLine) -> Table:
 
 
 def _plain(value: float) -> str:
-    """A whole number with the minus of print; never −0."""
+    """Format an integer with a typographic minus; never −0."""
     return f"{round(value)}".replace("-", "−")

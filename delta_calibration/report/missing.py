@@ -1,4 +1,4 @@
-"""Libraries that only reports need: what to install where one is not there."""
+"""Import of the optional libraries of reports, with advice on what to install."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from delta_calibration.errors import InputError
 
 
 def required(module: str, purpose: str = "a report") -> Any:
-    """An optional library.
+    """Import an optional library.
 
     Raises:
         InputError: it is not installed; says what to install.
@@ -26,7 +26,7 @@ def required(module: str, purpose: str = "a report") -> Any:
 
 
 def require_libraries() -> None:
-    """Refuse to begin where a page could not be written at the end.
+    """Check that the libraries for a page are installed, before the work begins.
 
     Raises:
         InputError: a library is not installed; says what to install.

@@ -1,4 +1,4 @@
-"""The tracker's and the joints' noise as this session shows it, beside what is specified."""
+"""Noise of the tracker and the joints in a session, compared with the specified noise."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from delta_calibration.wording import figures
 Array = NDArray[np.float64]
 
 UM = 1e6
-_ENOUGH = 5  # readings of a still moment from which its scatter is shown
+_ENOUGH = 5  # smallest number of readings of a still moment for its scatter
 
 
 def noise_figure(poses: Poses, robot: Robot) -> Figure | None:
-    """Scatter of single readings in still moments, along and across the beam; None without any."""
+    """Figure of the scatter of single readings at rest along and across the beam, or None."""
     several = np.flatnonzero(poses.count >= _ENOUGH)
     if not several.size:
         return None
@@ -54,7 +54,7 @@ def noise_figure(poses: Poses, robot: Robot) -> Figure | None:
 
 
 def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
-    """Found over specified, and what is left of it in a pose."""
+    """Table of the noise: specified, found and their ratio, and the noise of a pose."""
     tracker = robot.tracker
     distance = np.linalg.norm(poses.point, axis=1)
     along, across = (float(np.mean(s)) for s in tracker.sigmas(distance))

@@ -1,4 +1,4 @@
-"""The numbers behind a report: one JSON file of everything, one CSV file a figure and table."""
+"""Export of a report's numbers: one JSON file for all, one CSV file for each figure and table."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _HEAD = ("panel", "series", "x", "y", "value", "low", "high")
 
 
 def write_numbers(report: Report, folder: Path) -> tuple[Path, ...]:
-    """Write `report.json` and the CSV files into a folder, made where it is not there.
+    """Write `report.json` and the CSV files into a folder, which is created if necessary.
 
     Raises:
         InputError: the folder cannot be written.
@@ -54,10 +54,9 @@ def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[object]]) ->
 
 
 def cell(text: str) -> str:
-    """A cell of a table as other programs read it: plain numbers, empty where there is none.
+    """Convert a table cell for other programs: plain numbers, empty if there is no value.
 
-    Shares in percent become numbers from 0 to 1; of a bound (< 10^-300, > 99.9 %) the bound is
-    written.
+    Percentages become numbers from 0 to 1; a bound (< 10^-300, > 99.9 %) is written as its value.
     """
     if text == NO_VALUE:
         return ""
@@ -72,7 +71,7 @@ def cell(text: str) -> str:
 
 
 def as_json(report: Report) -> dict[str, Any]:
-    """The report as plain data, numbers unrounded."""
+    """Convert a report to plain data; the numbers of figures are not rounded."""
     return {
         "schema": 1,
         "title": report.title,
@@ -96,7 +95,7 @@ def as_json(report: Report) -> dict[str, Any]:
 
 
 def rows_of(figure: Figure) -> Iterator[Row]:
-    """A row a sample: panel, series, x, y, value of a field, ends of a band or error."""
+    """One row for each sample: panel, series, x, y, field value, ends of a band or error bar."""
     for panel in figure.panels:
         for mark in panel.marks:
             for row in _of_mark(panel, mark):
@@ -135,5 +134,5 @@ def _row(*values: float | None) -> Row:
 
 
 def _number(value: float | None) -> float | None:
-    """Python's own number, nothing where there is none."""
+    """Python float of a value; None if it is missing or not finite."""
     return None if value is None or not np.isfinite(value) else float(value)

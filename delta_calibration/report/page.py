@@ -1,7 +1,7 @@
-"""One HTML file that opens without a network: text by a template that escapes, plots by plotly.
+"""Report as one HTML file that opens offline: text by an escaping template, plots by plotly.
 
-The page carries plotly's script in itself, and a content security policy that forbids it, and
-everything else, to ask any host for anything.
+The page contains plotly's script, and a content security policy that forbids all requests to any
+host.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def build_page(
     provenance: Provenance,
     iso: IsoReport | str = "not requested",
 ) -> str:
-    """The report of a diagnosis as HTML; see `report_of`."""
+    """Make the report of a diagnosis as HTML; see `report_of`."""
     return page_of(report_of(diagnosis, robot, provenance, iso))
 
 
 def page_of(report: Report) -> str:
-    """A report as HTML.
+    """Convert a report to HTML.
 
     Raises:
         InputError: jinja2 or plotly is not installed.
@@ -63,7 +63,7 @@ def page_of(report: Report) -> str:
 
 
 def write_page(path: Path, report: Report) -> None:
-    """Write the page, whole or not at all.
+    """Write a report as an HTML file atomically.
 
     Raises:
         InputError: a library is missing, or the file cannot be written.
@@ -74,7 +74,7 @@ def write_page(path: Path, report: Report) -> None:
 
 
 def _plots(report: Report) -> tuple[dict[str, Any], dict[str, list[str]]]:
-    """Every panel by the id of its place in the page, and the ids of each figure."""
+    """Panels by the id of their HTML element, and the ids of each figure."""
     plots: dict[str, Any] = {}
     places: dict[str, list[str]] = {}
     for figure in report.figures():
@@ -85,7 +85,7 @@ def _plots(report: Report) -> tuple[dict[str, Any], dict[str, list[str]]]:
 
 
 def _inline(text: str) -> str:
-    """Script or data that cannot end the element that it stands in."""
+    """Escape script or data so that it cannot close its HTML element."""
     return text.replace("</", "<\\/").replace("<!--", "<\\!--")
 
 

@@ -1,4 +1,4 @@
-"""The machine's dimensions as found, how they lean on each other, and what the data cannot set."""
+"""Identified dimensions, their correlations, and the combinations that are not identifiable."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from delta_calibration.wording import figures, spoken
 
 Array = NDArray[np.float64]
 
-_SHOWN = 18  # dimensions
+_SHOWN = 18  # largest number of dimensions in the figure
 _SURE = 1.96
-_TOLD = 0.2  # a correlation from which it is told whose
-_STRONG = 40  # pairs in the table
+_TOLD = 0.2  # correlation above which the hover text names the pair
+_STRONG = 40  # largest number of pairs in the table
 
 
 def dimensions_figure(found: Identification) -> Figure:
-    """Deviations from the drawing in units of the tolerances, the clearest first."""
+    """Figure of the deviations from the drawing over the tolerances, most significant first."""
     geometry = found.chain.layout.geometry
     items = found.parameters.items[geometry]
     prior = found.parameters.prior[geometry]
@@ -79,7 +79,7 @@ def _shown(value: float, unit: str) -> str:
 
 
 def set_by_data(found: Identification) -> Figure:
-    """How much of each kind of dimension the data set: its standard error over its tolerance."""
+    """Figure of the standard error of each kind of dimension over its tolerance."""
     geometry = found.chain.layout.geometry
     ratio = found.std[geometry] / found.parameters.prior[geometry]
     causes = [p.cause for p in found.parameters.items[geometry]]
@@ -103,7 +103,7 @@ def set_by_data(found: Identification) -> Figure:
 
 
 def correlation_figure(found: Identification) -> Figure:
-    """Correlations of all estimates that the data have a say in."""
+    """Figure of the correlations of all estimates with a standard error above zero."""
     names = found.parameters.names
     kept = np.flatnonzero(found.std > 0)
     sigma = found.std[kept]
@@ -137,7 +137,7 @@ def correlation_figure(found: Identification) -> Figure:
 
 
 def correlation_table(found: Identification) -> Table:
-    """Pairs that lean on each other by more than 0.95."""
+    """Table of the pairs of estimates with a correlation beyond 0.95."""
     pairs = found.correlations[:_STRONG]
     return Table(
         "correlations_table",
@@ -150,7 +150,7 @@ def correlation_table(found: Identification) -> Table:
 
 
 def unset_table(found: Identification) -> Table:
-    """Combinations that priors, not data, decide."""
+    """Table of the parameter combinations that are determined by the priors, not by the data."""
     seen = found.observability
     return Table(
         "not_set_by_the_data",
@@ -168,7 +168,7 @@ def _reworded(sentence: str) -> str:
 
 
 def indices_table(found: Identification) -> Table:
-    """Observability indices."""
+    """Table of the observability indices."""
     meaning = {
         "O1": "geometric mean of the singular values over the root of the number of poses",
         "O2": "smallest over largest singular value",

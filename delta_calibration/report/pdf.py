@@ -1,6 +1,6 @@
-"""A report as PDF, by fpdf2: no browser, no library of the system; text can be searched.
+"""Conversion of a report to PDF by fpdf2: no browser or system library; text is searchable.
 
-Set in DejaVu Sans, which comes with matplotlib and has all letters that are used.
+The font is DejaVu Sans, which comes with matplotlib and contains all letters in use.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ _INK, _SOFT, _LINE = (26, 26, 26), (95, 95, 95), (200, 200, 200)
 _FONT = "DejaVu"
 _BODY, _SMALL = 9.0, 7.5  # [pt]
 _DPI = 200
-_KEEP = 40.0  # [mm] that a heading wants below it
-_MANY = 8  # columns from which a table is set smaller
+_KEEP = 40.0  # [mm] free height required below a heading
+_MANY = 8  # columns above which a table has a smaller font
 _TIGHT = 6.3  # [pt]
 
 
 def write_pdf(path: Path, content: bytes) -> None:
-    """Write what `pdf_of` made, whole or not at all.
+    """Write the result of `pdf_of` to a file atomically.
 
     Raises:
         InputError: the file cannot be written.
@@ -40,7 +40,7 @@ def write_pdf(path: Path, content: bytes) -> None:
 
 
 def pdf_of(report: Report) -> bytes:
-    """A report as PDF (A4).
+    """Convert a report to PDF (A4).
 
     Raises:
         InputError: fpdf2 or matplotlib is not installed, or the font lacks a letter.
@@ -49,7 +49,7 @@ def pdf_of(report: Report) -> bytes:
     try:
         _require_letters(pdf, report)
     except InputError:
-        for font in pdf.fonts.values():  # else their files stay open: `output` would close them
+        for font in pdf.fonts.values():  # otherwise closed by `output` only
             font.ttfont.close()
         raise
     _head(pdf, report)
@@ -65,7 +65,7 @@ def _new(report: Report) -> Any:
     fonts = Path(required("matplotlib", PURPOSE).get_data_path()) / "fonts" / "ttf"
 
     class Pages(fpdf.FPDF):  # type: ignore[misc, name-defined]
-        """With the title and the number of pages at the foot of each."""
+        """PDF with the title and the page number in the footer."""
 
         def footer(self) -> None:
             self.set_y(-12)
@@ -87,7 +87,7 @@ def _new(report: Report) -> Any:
 
 
 def _require_letters(pdf: Any, report: Report) -> None:
-    """Refuse letters that would come out as empty boxes on what is signed."""
+    """Refuse letters that the font lacks: they would be empty boxes on a signed document."""
     known = pdf.fonts[_FONT.lower()].cmap
     for text in _texts(report):
         lacking = sorted({letter for letter in text if ord(letter) not in known} - {"\n"})
@@ -113,7 +113,7 @@ def _texts(report: Report) -> Iterator[str]:
 def _write(
     pdf: Any, text: str, size: float = _BODY, bold: bool = False, soft: bool = False
 ) -> None:
-    """A paragraph over the whole width."""
+    """Write a paragraph over the whole width."""
     pdf.set_font(_FONT, "B" if bold else "", size)
     pdf.set_text_color(*(_SOFT if soft else _INK))
     pdf.multi_cell(0, size * 0.48, text, new_x="LMARGIN", new_y="NEXT", align="L")
@@ -134,7 +134,7 @@ def _head(pdf: Any, report: Report) -> None:
 
 
 def _key_figures(pdf: Any, keys: tuple[KeyFigure, ...]) -> None:
-    """Side by side between two lines."""
+    """Write the key figures side by side between two lines."""
     top, width = pdf.get_y(), pdf.epw / len(keys)
     bottom = top
     for number, key in enumerate(keys):
@@ -186,7 +186,7 @@ def _section(pdf: Any, number: int, section: Section) -> None:
 
 
 def _keep(pdf: Any, height: float) -> None:
-    """A new page where so much has no room on this one."""
+    """Begin a new page if the height [mm] does not fit on this one."""
     if pdf.will_page_break(height):
         pdf.add_page()
 
@@ -248,7 +248,7 @@ def _rows(pdf: Any, table: Table) -> None:
 
 
 def _widths(pdf: Any, table: Table, headed: bool) -> list[float]:
-    """Of the columns [mm]: as wide as they need, the widest made narrower to fit the page."""
+    """Widths of the columns [mm]: as needed, with wide columns reduced to fit the page."""
     cells = [*table.rows, *([table.head] if headed else [])]
     wanted = [
         max(pdf.get_string_width(row[k]) for row in cells) * 1.1 + 3.0

@@ -1,6 +1,6 @@
-"""The same figures as PNG files, by matplotlib: it needs no browser and no network.
+"""Figures as PNG files by matplotlib, without browser and network.
 
-(Plotly's own export starts a Chrome on the machine, which a cell's computer rarely has.)
+(Plotly's own export needs Chrome, which a cell's computer rarely has.)
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 Style = dict[str, Any]
 
 DPI = 150
-_LOW = 0.6  # height of a panel over the usual one, under which numbers would touch
-_THIN = 0.06  # height of a plane over its width, under which there is room for one number
-_FEW = 24  # names that an axis has room for
-_NARROW = 100.0  # ends of a logarithmic axis this near have numbers at 2 and 5 as well
-_WIDE, _TALL = 4.6, 3.5  # [inch] of a panel
+_LOW = 0.6  # relative height of a panel below which tick labels would overlap
+_THIN = 0.06  # height over width of the data below which there is room for one label
+_FEW = 24  # names for which an axis has room
+_NARROW = 100.0  # ratio of a logarithmic axis' ends below which 2 and 5 are labelled as well
+_WIDE, _TALL = 4.6, 3.5  # [inch] size of a panel
 _ALONE = 7.5  # [inch] width of a panel that fills the page
 _SYMBOLS = {"circle": "o", "diamond": "D", "square": "s", "triangle": "^", "cross": "x"}
 _DASHES = {"solid": "-", "dash": "--", "dot": ":"}
@@ -52,12 +52,12 @@ STYLE = {
     "grid.color": "#e6e6e6",
     "axes.axisbelow": True,
     "legend.frameon": False,
-    "text.parse_math": False,  # a name with a dollar in it is a name
+    "text.parse_math": False,  # a dollar in a name is not mathematics
 }
 
 
 def write_figures(report: Report, folder: Path) -> tuple[Path, ...]:
-    """Every figure of a report as a PNG file in a folder, which is made where it is not there.
+    """Write the figures of a report as PNG files to a folder, which is created if necessary.
 
     Raises:
         InputError: matplotlib is not installed, or the folder cannot be written.
@@ -80,7 +80,7 @@ def write_figures(report: Report, folder: Path) -> tuple[Path, ...]:
 
 
 def draw(figure: Figure) -> Canvas:
-    """A figure on matplotlib's canvas."""
+    """Draw a figure on a matplotlib canvas."""
     pyplot = required("matplotlib.pyplot", "figures as PNG")
     columns = min(figure.columns, len(figure.panels))
     rows = -(-len(figure.panels) // columns)
@@ -106,7 +106,7 @@ def draw(figure: Figure) -> Canvas:
 
 
 def _bars(canvas: Canvas, every: Iterable[Axes], figure: Figure) -> None:
-    """A colour bar for every scale, beside all panels that it is of."""
+    """Add a colour bar for every scale, beside the panels that use it."""
     of: dict[Scale, list[Axes]] = {}
     for axes, panel in zip(every, figure.panels, strict=False):
         for mark in panel.marks:
@@ -179,7 +179,7 @@ def _mark(axes: Axes, panel: Panel, mark: Mark) -> None:
 
 
 def _rule(axes: Axes, mark: Rule) -> None:
-    """A line right across, its name at its end."""
+    """Draw a line across the panel, with its name at its end."""
     style: Style = {"color": mark.colour, "ls": _DASHES[mark.dash], "lw": 1.2}
     words: Style = {"color": mark.colour, "fontsize": 7, "va": "bottom"}
     if mark.upright:

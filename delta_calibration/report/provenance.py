@@ -1,4 +1,4 @@
-"""Where a report's numbers come from: hashes, versions, seeds."""
+"""Provenance of a report: hashes, versions and seeds."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _PIECE = 1 << 20  # [byte]
 
 @dataclass(frozen=True)
 class Provenance:
-    """What a report was made of."""
+    """Sources of a report."""
 
     session: str
     session_sha256: str
@@ -35,14 +35,14 @@ class Provenance:
     seed: int
     calibration: str = ""
     calibration_sha256: str = ""
-    cycles: str = ""  # the session of the standard's cycles, where it is another one
+    cycles: str = ""  # session of the cycles of ISO 9283, if it is another one
     cycles_sha256: str = ""
-    recorded: Mapping[str, str] = field(default_factory=dict)  # what the session says of itself
+    recorded: Mapping[str, str] = field(default_factory=dict)  # metadata of the session
     notes: tuple[str, ...] = ()
-    made_ns: int | None = None  # when the report was
+    made_ns: int | None = None  # Unix time of the report [ns]
 
     def table(self) -> Table:
-        """As it is shown."""
+        """Table of the provenance."""
         rows = [
             ("session", self.session),
             ("recorded", moment(self.start_ns)),
@@ -79,7 +79,7 @@ def session_provenance(
     recorded: Mapping[str, str],
     calibration: Calibration | None = None,
 ) -> Provenance:
-    """Of a recorded session.
+    """Make the provenance of a recorded session.
 
     Raises:
         RecordingError: a file of the session cannot be read.
@@ -101,10 +101,10 @@ def session_provenance(
 
 
 def hash_of(path: Path) -> str:
-    """SHA-256 of a file, or of the storage files of a folder by name.
+    """SHA-256 of the name and content of a file, or of a folder's storage files in name order.
 
     Raises:
-        RecordingError: cannot be read.
+        RecordingError: a file cannot be read.
     """
     digest = hashlib.sha256()
     files = [path] if path.is_file() else sorted(f for f in path.glob("*") if _stored(f))
@@ -124,7 +124,7 @@ def _stored(file: Path) -> bool:
 
 
 def version(name: str) -> str:
-    """Of an installed library."""
+    """Version of an installed library."""
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:

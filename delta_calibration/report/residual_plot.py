@@ -1,4 +1,4 @@
-"""Errors of every pose as a picture, in the order of time: what a notebook shows of a fit."""
+"""Plot of the errors of all poses over time, for notebooks."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ _LOOKS = {"before": (BEFORE, "o"), "calibrated": (CALIBRATED, "s"), "extended": 
 
 
 def plot_errors(time: Array, errors: Mapping[str, Array], noise: float, axes: Any = None) -> Axes:
-    """3-D errors of poses against time, on a logarithmic axis.
+    """Plot 3-D errors of poses against time, on a logarithmic axis.
 
     Args:
-        time: of each pose, (n,) [s].
-        errors: of each model, by name (`before`, `calibrated`, `extended`), (n,) [m].
-        noise: of a pose [m RMS], drawn as a line.
-        axes: of matplotlib, to draw into; new ones where not given.
+        time: time of each pose, (n,) [s].
+        errors: errors of each model, by name (`before`, `calibrated`, `extended`), (n,) [m].
+        noise: noise of a pose [m RMS], drawn as a line.
+        axes: matplotlib axes to draw into; new ones if not given.
 
     Raises:
         InputError: matplotlib is not installed.

@@ -1,4 +1,4 @@
-"""The report of one session: the sections, in the order in which questions come up."""
+"""Report of the diagnosis of one session, section by section."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from delta_calibration.wording import (
     sure,
 )
 
-_VALUES = 6  # of a cause that are told, the clearest of them
+_VALUES = 6  # largest number of values shown of a cause, the clearest ones
 
 
 def report_of(
@@ -52,13 +52,13 @@ def report_of(
     provenance: Provenance,
     iso: IsoReport | str = "not requested",
 ) -> Report:
-    """Everything that a diagnosis has to say, as a report.
+    """Make the report of a diagnosis.
 
     Args:
-        diagnosis: of a session, with the survey it was made from.
+        diagnosis: diagnosis of a session, with the survey it was made from.
         robot: drawing, tolerances, tracker.
-        provenance: of the session and the robot file.
-        iso: the standard's criteria, or why there are none.
+        provenance: provenance of the session and the robot file.
+        iso: criteria of ISO 9283, or the reason why there are none.
     """
     verdict, judged = diagnosis.verdict, Judged.of(diagnosis)
     detail = verdict_section(verdict)
@@ -103,7 +103,7 @@ def report_of(
 
 
 def verdict_section(verdict: Verdict) -> Section:
-    """The findings with everything that is known of them, and what cannot be told."""
+    """Section with the details of the findings, and the causes that cannot be distinguished."""
     tables = []
     if verdict.findings:
         tables.append(
@@ -169,7 +169,7 @@ def _tests(verdict: Verdict) -> Table:
 
 
 def _laws(verdict: Verdict) -> Table:
-    """Equations of what has no name."""
+    """Table of the equations found for errors without a known cause."""
     rows = tuple(
         (
             f"{spoken(law.part)} ({law.stage})",

@@ -1,4 +1,4 @@
-"""A robot file as a drawing: frames, zero and positive sense of every joint, in three views."""
+"""Drawing of a robot file in three views: frames, zero and positive sense of every joint."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ VIEWS: tuple[tuple[str, Flat], ...] = (("front", (0, 2)), ("side", (1, 2)), ("to
 _AXES = ("x", "y", "z")
 _COLOURS = ("#d55e00", "#007a5a", "#0072b2")  # of x, y, z
 _GHOST, _BEFORE = "#9aa0a6", "#d55e00"
-_SENSE = 0.35  # [rad] that a joint is shown to turn by
-_SEEN = 0.6  # of a way's longest projection, that shows it
-_LONG_SENSE = 4.7  # [rad] the same where its link lies along the axis
-_SHARE = 0.16  # of the machine's size: a slide's arrow, a frame's axes
+_SENSE = 0.35  # [rad] rotation drawn to show the sense of a joint
+_SEEN = 0.6  # smallest projected length in a suitable view, over the longest projection
+_LONG_SENSE = 4.7  # [rad] rotation drawn if the link lies along the axis
+_SHARE = 0.16  # length of a slide's arrow and of a frame's axes, over the machine's size
 _ENDINGS = (".svg", ".png", ".pdf")
 _WIDE, _TALL = 15.0, 6.2  # [inch]
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A machine at joints, ready to be drawn: shapes by link, and frames."""
+    """Machine at given joints, prepared for drawing: shapes of the links, and frames."""
 
     skeleton: Skeleton
     frames: Mapping[str, tuple[Array, Array]]
 
     @classmethod
     def home(cls, robot: Robot) -> Pose:
-        """A robot as drawn, in the middle of its workspace."""
+        """Nominal robot at its home pose, in the middle of its workspace."""
         skeleton = describe(robot)
         values = skeleton.values(skeleton.mechanism.home[None])
         return cls(skeleton, skeleton.tree.frames(values))
@@ -54,7 +54,7 @@ class Pose:
     def lines(
         self, link: str, turn: Array | None = None, about: Array | None = None
     ) -> list[Array]:
-        """Middle lines of a link's shapes in the base, (2, 3) [m] each; turned about a place."""
+        """Centre lines of a link's shapes in the base, (2, 3) [m] each, rotated about a point."""
         rotation, place = self.frames[link]
         shapes = next(item.shapes for item in self.skeleton.tree.links if item.name == link)
         ends = [place[0] + np.stack([s.start, s.end]) @ rotation[0].T for s in shapes]
@@ -64,22 +64,22 @@ class Pose:
 
     @property
     def size(self) -> float:
-        """How far it reaches from one end to the other [m]."""
+        """Largest extent of the machine along an axis [m]."""
         places = np.concatenate([place for _, place in self.frames.values()])
         return float(np.ptp(places, axis=0).max()) or 1.0
 
 
 def write_sketch(robot: Robot, path: Path, before: Robot | None = None, changed: str = "") -> None:
-    """Draw a robot, into an SVG, PNG or PDF file by its ending.
+    """Draw a robot to an SVG, PNG or PDF file; the file ending selects the format.
 
     Args:
-        robot: what is drawn.
-        path: of the file.
-        before: another drawing of the machine, shown behind it.
-        changed: what differs between the two, in words.
+        robot: robot to draw.
+        path: path of the file.
+        before: another version of the robot, drawn behind it.
+        changed: description of the difference between the two, used as title.
 
     Raises:
-        InputError: no look for its mechanism, matplotlib is not installed, the file cannot be
+        InputError: no shapes for its mechanism, matplotlib is not installed, the file cannot be
             written.
     """
     pyplot = required("matplotlib.pyplot", "a drawing of the robot")
@@ -102,10 +102,10 @@ def write_sketch(robot: Robot, path: Path, before: Robot | None = None, changed:
 
 
 def _metadata(path: Path) -> dict[str, Any]:
-    """No date in the file: the same robot gives the same drawing.
+    """Metadata without a date, so that the same robot gives the same file.
 
     Raises:
-        InputError: another kind of file than SVG, PNG and PDF.
+        InputError: the file ending is not SVG, PNG or PDF.
     """
     if path.suffix.lower() not in _ENDINGS:
         raise InputError(f"{path}: the ending selects the format: {', '.join(_ENDINGS)}")
@@ -129,7 +129,7 @@ def _title(robot: Robot) -> str:
 
 
 def _read(robot: Robot) -> list[str]:
-    """How each joint reads, behind its name, where the file says something of it."""
+    """Sign and zero of each joint as text, if the robot file states them."""
     joints, drives = robot.joints, robot.drives
     if joints.sign is None and joints.zero is None:
         return [""] * len(joints.names)
@@ -165,7 +165,7 @@ def _panel(axes: Axes, robot: Robot, pose: Pose, view: tuple[str, Flat], *, plai
 
 
 def _driven(robot: Robot, pose: Pose) -> list[Joint]:
-    """The motors' joints that the tree has: a cable's drum is none."""
+    """Actuated joints that are in the tree; the drum of a cable is not."""
     joints = {joint.name: joint for joint in pose.skeleton.tree.joints}
     return [joints[name] for name in robot.joints.names if name in joints]
 
@@ -181,7 +181,7 @@ def _machine(axes: Axes, pose: Pose, both: Flat, colour: str) -> None:
 
 
 def _outline(line: Array, radius: float) -> Array:
-    """Middle line of a bar, rim of a plate, (n, 3) [m]."""
+    """Centre line of a bar, or rim of a plate, (n, 3) [m]."""
     way = line[1] - line[0]
     if radius <= np.linalg.norm(way):
         return line
@@ -204,7 +204,7 @@ def _frame(axes: Axes, pose: Pose, link: str, both: Flat, name: str, below: int)
 
 
 def _sense(axes: Axes, pose: Pose, joint: Joint, way: Array, both: Flat) -> None:
-    """Where a joint's zero is (dashed), and which way is plus (arrow)."""
+    """Draw a joint's zero position (dashed) and its positive sense (arrow)."""
     axis, place = _axis(pose, joint)
     value = float(pose.skeleton.mechanism.home[pose.skeleton.actuated.index(joint.name)])
     if joint.kind != PRISMATIC:
@@ -216,13 +216,13 @@ def _sense(axes: Axes, pose: Pose, joint: Joint, way: Array, both: Flat) -> None
 
 
 def _axis(pose: Pose, joint: Joint) -> tuple[Array, Array]:
-    """Direction of a joint's axis, and a place on it [m], in the base."""
+    """Direction of a joint's axis, and a point on it [m], in the base."""
     rotation, place = (part[0] for part in pose.frames[joint.child])
     return rotation @ joint.axis, place
 
 
 def _motion(pose: Pose, joint: Joint) -> Array:
-    """The way of a point of a joint's link when the joint moves on, (n, 3) [m]."""
+    """Path of a point of a joint's link when the joint moves in its positive sense, (n, 3) [m]."""
     axis, place = _axis(pose, joint)
     ends = np.concatenate([*pose.lines(joint.child), place[None]])
     tip = ends[np.argmax(np.linalg.norm(ends - place, axis=1))]
@@ -239,7 +239,7 @@ def _motion(pose: Pose, joint: Joint) -> Array:
 
 
 def _best_view(way: Array, ways: list[Array]) -> Flat:
-    """Of the views in which a way is seen, the one in which its end lies farthest from others'."""
+    """Select, of the views that show a path, the one with its end farthest from other ends."""
     steps = np.diff(way, axis=0)
     seen = {both: float(np.linalg.norm(steps[:, both], axis=1).sum()) for _, both in VIEWS}
     return max(

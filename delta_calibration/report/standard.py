@@ -1,4 +1,4 @@
-"""The criteria of ISO 9283 as a table, with cycles and conditions."""
+"""Report section with the criteria of ISO 9283, cycles and conditions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _MEANING = {
 
 
 def standard_section(iso: IsoReport | str) -> Section:
-    """The table; or why there is none."""
+    """Section with the table of criteria, or with the reason why there is none."""
     title = "Accuracy by ISO 9283"
     if isinstance(iso, str):
         why = "This session does not contain the cycles of the standard"

@@ -1,4 +1,4 @@
-"""Verdicts as `diagnose --json` writes them, read back."""
+"""Reading of verdict files written by `diagnose --json`."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ class VerdictFile:
 
 
 def read_verdict(path: Path) -> VerdictFile:
-    """A verdict from its JSON file.
+    """Read a verdict from its JSON file.
 
     Raises:
-        InputError: cannot be read, is not JSON, or not of the verdict's form.
+        InputError: the file cannot be read, is not JSON, or does not match the verdict's schema.
     """
     try:
         data = json.loads(read_text(path))
@@ -47,7 +47,7 @@ def read_verdict(path: Path) -> VerdictFile:
 
 
 def verdict_of(data: Mapping[str, Any]) -> Verdict:
-    """The verdict that `Verdict.as_dict` made this of."""
+    """Convert the output of `Verdict.as_dict` back to a verdict."""
     unknown = data["unknown_structure"]
     return Verdict(
         session=SessionFacts(**{k: data["session"][k] for k in SessionFacts.__annotations__}),
@@ -93,7 +93,7 @@ def _held(data: Mapping[str, Any]) -> Held:
 
 
 def _finding(data: Mapping[str, Any]) -> Finding:
-    """A finding; the interval of the gain and the signal are not part of every verdict."""
+    """Convert a finding; not every verdict contains the interval of the gain and the signal."""
     return Finding(
         cause=data["cause"],
         location=data["location"],
@@ -115,7 +115,7 @@ def _finding(data: Mapping[str, Any]) -> Finding:
 
 
 def _shape(data: Mapping[str, Any]) -> dict[str, Estimate | str]:
-    """What was searched."""
+    """Convert the shape parameters of a finding."""
     std, unit = data.get("shape_std", {}), data.get("shape_unit", {})
     return {
         name: value

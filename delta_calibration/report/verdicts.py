@@ -1,4 +1,4 @@
-"""Verdicts beside each other, in the order given; one by itself makes a small page."""
+"""Comparison of verdicts in the order given; a single one gives a short report."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Values = dict[str, list[tuple[int, float, float, str]]]  # number of the file, v
 
 
 def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
-    """Verdicts in the order given: errors, noise, findings and their values."""
+    """Report on verdicts in the order given: errors, noise, findings and their values."""
     last = files[-1]
     one = len(files) == 1
     sections = [
@@ -139,7 +139,7 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
 
 
 def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
-    """The parameters of each cause that was found more than once."""
+    """Figures of the parameters of each cause that was found more than once."""
     names = tuple(file.name for file in files)
     found: dict[str, Values] = {}
     for number, file in enumerate(files):

@@ -1,4 +1,4 @@
-"""Numbers and verdicts as people read them."""
+"""Formatting of numbers and verdicts as text for readers."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from delta_calibration.wording import MINUS, capital, chance, listed, measured, 
 
 
 def estimate(name: str, e: Estimate) -> str:
-    """A parameter with its standard error, in a reader's unit, to the figures that hold."""
+    """Format a parameter with its standard error, in a usual unit, to the significant figures."""
     told = measured(e.value, e.std, e.unit)
     return f"{spoken(name)} = {told}".replace(" ", "\u00a0")
 
 
 def statements(verdict: Verdict) -> tuple[Statement, ...]:
-    """What is wrong, how sure, what it gains, what cannot be told."""
+    """Statements of a verdict: causes, confidence, gain, remedy and what is indistinguishable."""
     return (
         Statement("What is wrong", _wrong(verdict)),
         Statement("How sure", _how_sure(verdict)),
@@ -83,7 +83,7 @@ def _gains(verdict: Verdict) -> str:
 
 
 def _to_do(verdict: Verdict) -> str:
-    """What cures each cause, what is left then, and what would confirm it."""
+    """Remedy of each cause, the error expected after it, and how to confirm it."""
     told = []
     for finding in verdict.findings:
         if finding.action is not None:
@@ -93,12 +93,12 @@ def _to_do(verdict: Verdict) -> str:
 
 
 def _mapped(verdict: Verdict) -> bool:
-    """Whether what nothing explains is in the extended model, as a smooth map."""
+    """Whether the extended model contains a smooth map of the unexplained error."""
     return UNEXPLAINED in verdict.extended.model
 
 
 def structure(unknown: UnknownStructure) -> str:
-    """Structure that no cause explains: how large, what it moves with, where."""
+    """Describe the structure without a known cause: size, related quantity and location."""
     where = f", {unknown.where.replace('= -', '= ' + MINUS)}" if unknown.where else ""
     size = "" if unknown.rms_mm is None else f", {mm(unknown.rms_mm)} mm RMS"
     return f"error without a known cause{size}; it varies with {unknown.moves()}{where}"
@@ -117,14 +117,14 @@ def _untold(verdict: Verdict) -> str:
 
 
 def between(entry: CannotTell) -> str:
-    """What cannot be told from what."""
+    """Names of the causes that cannot be distinguished."""
     names = [spoken(name) for name in entry.between if name != "none"]
     nothing = ", or none at all" if "none" in entry.between else ""
     return capital(" or ".join(names)) + nothing
 
 
 def key_figures(verdict: Verdict) -> tuple[KeyFigure, ...]:
-    """Held-out errors before, calibrated, extended; the noise under them."""
+    """Key figures: held-out errors before, calibrated and extended, and the noise of a pose."""
     parts = [
         KeyFigure(name, mm(model.held_out_rms_mm), "mm RMS", f"held-out error: {model.model}")
         for name, model in verdict.models()

@@ -1,4 +1,4 @@
-"""Error over the workspace, before, calibrated and extended: a map and a section, one scale."""
+"""Maps of the error over the workspace before, calibrated and extended, with a common scale."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from delta_calibration.report.judged import Judged
 Array = NDArray[np.float64]
 
 MM = 1e3
-_NODES = 71  # along a side
-_KERNEL = 0.25  # of the poses' spread (root mean square distance from their middle)
-_LEAST_KERNEL = 0.02  # [m]
-_FLAT = 0.01  # [m] of extent from which poses spread along an axis
-_ON_FACE = 1e-6  # [m] a place this near to a face of the region is on it
-_SLAB = 1.0  # kernels either side within which a pose is shown on a plane
+_NODES = 71  # nodes along a side
+_KERNEL = 0.25  # kernel width over the poses' spread (RMS distance from their middle)
+_LEAST_KERNEL = 0.02  # [m] smallest kernel width
+_FLAT = 0.01  # [m] extent above which poses spread along an axis
+_ON_FACE = 1e-6  # [m] tolerance for a place on a face of the region
+_SLAB = 1.0  # distance from a plane, in kernel widths, within which a pose is shown on it
 _ROUND = (1.0, 2.0, 5.0, 10.0)
 _DOT = "#ffffff"
 
@@ -27,13 +27,13 @@ _DOT = "#ffffff"
 def maps(
     place: Array, errors: dict[str, Array], region: Region, noise: float
 ) -> tuple[Figure, ...]:
-    """Root mean square of the errors around each point of a plane and of a section.
+    """Figures of the RMS error around each point of a plane and of a section.
 
     Args:
-        place: of the poses in the base, (n, 3) [m].
-        errors: of each model, (n,) [m].
-        region: outside of which nothing is said.
-        noise: of a pose [m]; where the scale begins.
+        place: positions of the poses in the base, (n, 3) [m].
+        errors: errors of each model, (n,) [m].
+        region: measured region; the maps are empty outside.
+        noise: noise of a pose [m], used for the low end of the scale.
     """
     scale = scale_of(list(errors.values()), noise)
     width = kernel(place)
@@ -63,20 +63,20 @@ def maps(
 
 
 def _planes(place: Array) -> tuple[tuple[int, int, int], ...]:
-    """Planes in which poses (n, 3) spread, two at most: their axes and the one across."""
+    """At most two planes in which poses (n, 3) spread: their two axes and the normal axis."""
     wide = np.ptp(place, axis=0) > _FLAT
     planes = [axes for axes in ((0, 1, 2), (0, 2, 1), (1, 2, 0)) if wide[list(axes[:2])].all()]
     return tuple(planes[:2]) or ((0, 1, 2),)
 
 
 def _titled(across: int, at: float) -> str:
-    """What a plane across an axis is called."""
+    """Title of a plane normal to an axis."""
     name = "Seen from above" if across == 2 else "Section"
     return f"{name}, {'xyz'[across]} = {MM * at:.0f} mm".replace("-", "\u2212")
 
 
 def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
-    """Where structure lives that no cause explains: what the smooth map in the model moves."""
+    """Figures of the displacement by the smooth map of the error without a known cause."""
     return tuple(
         _unknown(judged, term) for term in judged.diagnosis.model.terms if term.unexplained
     )
@@ -119,7 +119,7 @@ def _panel(
     at: float,
     width: float,
 ) -> Panel:
-    """One model on one plane; `axes` are those of the plane and the one it lies across."""
+    """Panel of one model on one plane; `axes` are the two of the plane and its normal."""
     i, j, k = axes
     x, y = (np.linspace(*_ends(place[:, axis]), _NODES) for axis in (i, j))
     nodes = np.zeros((_NODES * _NODES, 3))
@@ -127,9 +127,7 @@ def _panel(
     nodes[:, k] = at
     value = around(nodes, place, error, width)
     low, high = (end(region.vertices[:, k]) for end in (np.min, np.max))
-    nodes[:, k] = np.clip(
-        at, low, high
-    )  # of a region that is a plane, which noise lifts poses off
+    nodes[:, k] = np.clip(at, low, high)  # for a flat region, off which noise moves the poses
     value[region.outside(nodes) > _ON_FACE] = np.nan
     near = np.abs(place[:, k] - at) < _SLAB * width
     told = tuple(f"{MM * e:.4f} mm" for e in error[near])
@@ -150,12 +148,12 @@ def _panel(
 
 
 def _height(aspect: float) -> float:
-    """Height of a panel that shows a plane so much higher than wide, over the usual one."""
+    """Relative height of a panel for a plane with this ratio of height to width."""
     return float(np.clip(0.2 + 0.85 * aspect, 0.45, 1.3))
 
 
 def around(nodes: Array, place: Array, error: Array, width: float) -> Array:
-    """Root mean square of errors (n,) [m] around nodes (k, 3), by a Gaussian kernel, (k,)."""
+    """RMS of errors (n,) [m] around nodes (k, 3) [m] by a Gaussian kernel, (k,) [m]."""
     weight = np.exp(-cdist(nodes, place, "sqeuclidean") / (2 * width**2)) + 1e-12
     return np.asarray(np.sqrt(weight @ error**2 / weight.sum(axis=1)))
 
@@ -167,7 +165,7 @@ def kernel(place: Array) -> float:
 
 
 def scale_of(errors: list[Array], noise: float) -> Scale:
-    """A logarithmic scale from the noise to the largest errors, its ends round."""
+    """Logarithmic scale from about the noise to the largest errors, with round ends."""
     high = float(np.quantile(np.concatenate(errors), 0.99))
     low = min(float(np.quantile(errors[-1], 0.1)), noise, high / 2)
     return Scale("held-out error, RMS [mm]", _down(MM * low), _up(MM * high), log=True)

@@ -58,10 +58,10 @@ from delta_calibration.texts import bounded
 Array = NDArray[np.float64]
 
 NAME = "calibration_node"
-RAW = ("joint_command", "joint_states")  # taken as they come over the wire
-EARLY = ("joint_states", "cell/temperature", "cell/payload")  # heard before the node is active
+RAW = ("joint_command", "joint_states")  # received as serialized bytes
+EARLY = ("joint_states", "cell/temperature", "cell/payload")  # taken before the node is active
 WARN_EVERY_S = 5.0  # [s]
-SWITCH_S = 5e-4  # [s] within which a fit or a file being read gives way to a command
+SWITCH_S = 5e-4  # [s] thread switch interval: a fit or file read yields to commands within it
 LEVELS = {
     Level.OK: DiagnosticStatus.OK,
     Level.WARN: DiagnosticStatus.WARN,
@@ -71,11 +71,11 @@ WAYS = (("fit", fit, FIT_STEPS), ("diagnose", diagnosed, DIAGNOSIS_STEPS))
 
 
 class CalibrationNode(SafeLifecycleNode):
-    """Wires topics and services to a `CalibrationSession`; commands run on while a fit does.
+    """Wires topics and services to a `CalibrationSession`; commands are processed during a fit.
 
     Args:
-        alone: whether the process is the node's own, to be made fit for commands at 1 kHz.
-        kwargs: of a node.
+        alone: whether the node has its own process, which is then tuned for commands at 1 kHz.
+        kwargs: arguments of a node.
     """
 
     def __init__(self, alone: bool = False, **kwargs: Any) -> None:
@@ -96,7 +96,7 @@ class CalibrationNode(SafeLifecycleNode):
             JointState, "joint_states_nominal", STREAM_OUT
         )
         self._status = self.create_publisher(DiagnosticStatus, "~/status", STATUS)
-        self._task: Task | None = None  # the fit or diagnosis that was begun last
+        self._task: Task | None = None  # the last fit or diagnosis started
         self._progress = Progress(self, self._doing)
         self._jobs = Jobs(self, self._tell_of, self._progress.publish)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -128,7 +128,7 @@ class CalibrationNode(SafeLifecycleNode):
     # --- lifecycle
 
     def configure(self) -> None:
-        """Load robot and calibration, and listen; why that was refused stays on diagnostics."""
+        """Load robot and calibration, and subscribe; a refusal remains visible on diagnostics."""
         try:
             self._configure()
         except CalibrationError as error:
@@ -167,7 +167,7 @@ class CalibrationNode(SafeLifecycleNode):
             self.get_logger().warn(desk.left_out)
 
     def _require_apart(self) -> None:
-        """No topic that the node sends may be one that it listens to: it would answer itself."""
+        """Require that no output topic is an input topic: the node would hear its own output."""
         for heard, publisher in (("joint_command", self._out), ("joint_states", self._nominal)):
             if self.resolve_topic_name(heard) == publisher.topic_name:
                 raise InputError(f"{heard} is {publisher.topic_name}, which the node itself sends")
@@ -201,7 +201,7 @@ class CalibrationNode(SafeLifecycleNode):
             )
 
     def activate(self) -> None:
-        """Begin to send, uncompensated unless it was started with `enabled`."""
+        """Start sending, uncompensated unless the parameter `enabled` is set."""
         if self._desk is not None:
             self._desk.reset()
             if self._settings.flag("enabled"):
@@ -210,7 +210,7 @@ class CalibrationNode(SafeLifecycleNode):
         self._active = True
 
     def deactivate(self) -> None:
-        """Send nothing any more."""
+        """Stop sending."""
         self._active = False
         if self._trajectories.drop():
             self.get_logger().warn("deactivated: a trajectory that was worked on is not sent")
@@ -219,7 +219,7 @@ class CalibrationNode(SafeLifecycleNode):
             self.get_logger().warn(f"deactivated: {self._desk.stop_capture()}")
 
     def cleanup(self) -> None:
-        """Let go of everything; a fit that runs is not waited for."""
+        """Release everything; a running fit is not waited for."""
         self._active = False
         self._trajectories.drop()
         self._process.release()
@@ -235,9 +235,9 @@ class CalibrationNode(SafeLifecycleNode):
     def _receive(
         self, topic: str, take: Callable[[CalibrationSession, Any], None], message: Any
     ) -> None:
-        """Hand a message on; one that is of no use is counted and told."""
-        # The payload is said once, a temperature seldom: known before the node is active. Where
-        # the drives stand has to be known when the first command comes.
+        """Pass a message to its handler; a refused one is counted and reported."""
+        # A payload is sent once and temperatures seldom, so they are taken before the node is
+        # active; the position of the drives has to be known when the first command arrives.
         if self._desk is None or not (self._active or topic in EARLY):
             return
         try:
@@ -247,12 +247,12 @@ class CalibrationNode(SafeLifecycleNode):
             self._warn(f"{topic}: refused: {error}")
 
     def _on_lost(self, topic: str, event: Any) -> None:
-        """The middleware says that messages were lost on their way."""
+        """Count messages whose loss the middleware has reported."""
         if self._desk is not None and self._active:
             self._desk.watch.lose(topic, int(event.total_count_change), time.monotonic())
 
     def _on_command(self, desk: CalibrationSession, message: bytes) -> None:
-        """Send a command; of those that waited while the process stood still, only the last."""
+        """Process a command; of those queued while the process was stopped, only the last."""
         stamp, now_s = self._commands.stamp(message), time.monotonic()
         due = desk.backlog.take((message, stamp), nanoseconds(stamp), now_s)
         if desk.backlog.waiting is not None:
@@ -261,14 +261,14 @@ class CalibrationNode(SafeLifecycleNode):
             self._follow_command(desk, each)
 
     def _on_release(self) -> None:
-        """Nothing newer came: the command that waited for it goes out."""
+        """Send the waiting command, as no newer one arrived."""
         self._release.cancel()
         if self._desk is not None and self._active:
             for each in self._desk.backlog.release():
                 self._receive("joint_command", self._follow_command, each)
 
     def _follow_command(self, desk: CalibrationSession, given: tuple[bytes, Stamp]) -> None:
-        """Send what a command comes to; all that can wait is done after that."""
+        """Send the output for a command first, then do all work that can wait."""
         (message, stamp), now_s = given, time.monotonic()
         if desk.backlog.interrupted:
             desk.path.interrupt()
@@ -288,7 +288,7 @@ class CalibrationNode(SafeLifecycleNode):
     def _weigh(
         self, desk: CalibrationSession, message: bytes, stamp: Stamp, age_s: float, now_s: float
     ) -> None:
-        """Send what becomes of a command that wants more than to be corrected."""
+        """Send the output for a command that the fast path cannot handle."""
         try:
             given = self._commands.read(message)
         except CalibrationError as error:
@@ -307,7 +307,7 @@ class CalibrationNode(SafeLifecycleNode):
     def _sent(
         self, desk: CalibrationSession, q: Array, stamp_ns: int, already: bool, now_s: float
     ) -> None:
-        """Keep what is to be kept of a command that has been followed."""
+        """Record a processed command: capture, guard trail and processing time."""
         desk.keep(q, stamp_ns, already)
         self._markers.trail.see(q[: len(desk.robot.joints.names)], desk.path)
         desk.watch.took(time.monotonic() - now_s, stamp_ns, now_s)
@@ -319,7 +319,7 @@ class CalibrationNode(SafeLifecycleNode):
             self._control(desk, sent, mark)
 
     def _control(self, desk: CalibrationSession, sent: Sent, mark: str) -> None:
-        """Send what goes to the drives to the controllers as well."""
+        """Send an output to the ros2_control controllers as well."""
         if self._controllers is None:
             return
         why = self._controllers.send(sent.whole, mark, self._streams)
@@ -328,9 +328,9 @@ class CalibrationNode(SafeLifecycleNode):
             self._warn(why)
 
     def _age_s(self, desk: CalibrationSession, stamp_ns: int) -> float:
-        """Age of a command by the node's clock [s]; 0 where nobody asks, or nobody stamped it.
+        """Age of a command by the node's clock [s]; 0 without a timeout or without a stamp.
 
-        Not a number while the clock does not run, stamped or not: simulated time without `/clock`.
+        NaN, with or without a stamp, while the clock does not run (simulated time, no `/clock`).
         """
         if desk.path.timeout_s == 0.0:
             return 0.0
@@ -386,7 +386,7 @@ class CalibrationNode(SafeLifecycleNode):
     def _obey(
         self, order: Callable[[CalibrationSession], str], _request: Any, response: Any
     ) -> Any:
-        """Answer with the desk's sentence, or with false and the reason."""
+        """Respond with the session's sentence, or with false and the reason."""
         try:
             response.message, response.success = order(self._require_desk()), True
         except CalibrationError as error:
@@ -398,7 +398,7 @@ class CalibrationNode(SafeLifecycleNode):
         return self._obey(partial(self._enable, bool(request.data)), request, response)
 
     def _enable(self, on: bool, desk: CalibrationSession) -> str:
-        if on:  # activated, it would be off again
+        if on:  # activation would switch it off again
             self._require_active()
         return desk.enable(on)
 
@@ -433,7 +433,7 @@ class CalibrationNode(SafeLifecycleNode):
         return work
 
     def _file(self, name: str) -> str:
-        """The file that a parameter names; empty where it names none."""
+        """File named by a parameter; empty if it names none."""
         return str(self._settings.path(name) or "")
 
     def _prepare_reload(self) -> Work:
@@ -479,7 +479,7 @@ class CalibrationNode(SafeLifecycleNode):
         return level, health.message, health.values
 
     def _follow(self, blocks: range) -> Iterator[int]:
-        """Say how far the making of a table of corrections is, once a second."""
+        """Log the progress of computing the correction table, once a second."""
         for block in blocks:
             self.get_logger().info(
                 f"table of corrections: {100 * block // len(blocks)} %", throttle_duration_sec=1.0
@@ -487,7 +487,7 @@ class CalibrationNode(SafeLifecycleNode):
             yield block
 
     def _doing(self) -> Doing:
-        """What goes on beside the command path, for `~/progress`."""
+        """Tasks that run beside the command path, for `~/progress`."""
         desk, task = self._desk, self._task
         doing: dict[str, tuple[str, Mapping[str, object]]] = {}
         if desk is not None and desk.capture.running:
@@ -497,7 +497,7 @@ class CalibrationNode(SafeLifecycleNode):
         return doing
 
     def _look_for_others(self, desk: CalibrationSession) -> None:
-        """Tell of another that sends commands to the drives: they follow each in turn."""
+        """Warn if another node also sends commands to the drives, which follow each in turn."""
         senders = self.count_publishers(self._out.topic_name)
         if self._active and senders > 1:
             told = f"{senders} nodes send it; the drives follow each in turn"

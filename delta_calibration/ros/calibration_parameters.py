@@ -172,7 +172,7 @@ SPECS = (
 
 
 def desk_settings(table: ParameterTable) -> Settings:
-    """What the parameters say now."""
+    """Settings of the session from the present values of the parameters."""
     return Settings(
         robot=table.named("robot"),
         calibration=str(table.path("calibration") or ""),
@@ -197,10 +197,10 @@ def desk_settings(table: ParameterTable) -> Settings:
 
 
 def topic_named(table: ParameterTable, name: str) -> str:
-    """The topic, or what begins one, that a parameter names; empty for none.
+    """Topic name, or beginning of one, from a parameter; empty for none.
 
     Raises:
-        InputError: it is no name of a topic.
+        InputError: it is not a valid topic name.
     """
     text = table.text(name)
     try:

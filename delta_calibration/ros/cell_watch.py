@@ -32,7 +32,7 @@ _PROGRESS = f"/{CALIBRATION_NODE}/progress"
 
 
 class CellWatch(BaseNode):
-    """Writes a line for each status of a calibration node, with what the node is at."""
+    """Writes a line for each status of a calibration node, with the tasks of the node."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
@@ -43,7 +43,7 @@ class CellWatch(BaseNode):
         self.create_timer(PERIOD_S, self._look, clock=steady)
 
     def _look(self) -> None:
-        """Listen to the progress of nodes that have come since."""
+        """Subscribe to the progress of nodes that appeared since the last call."""
         for topic, _ in self.get_topic_names_and_types():
             if topic.endswith(_PROGRESS) and topic not in self._listening:
                 node = topic.removesuffix("/progress")
@@ -78,7 +78,7 @@ class CellWatch(BaseNode):
 
 
 def _told(task: str, status: Any) -> str:
-    """A task in a sentence: `fit: geometry (step 3 of 4, elapsed [s] 2.0)`."""
+    """Describe a task in a sentence: `fit: geometry (step 3 of 4, elapsed [s] 2.0)`."""
     figures = ", ".join(f"{pair.key} {pair.value}" for pair in status.values)
     return f"{task}: {status.message}" + (f" ({figures})" if figures else "")
 

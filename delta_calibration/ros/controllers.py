@@ -1,4 +1,4 @@
-"""Messages for ros2_control's controllers, and trajectories from whoever commands them."""
+"""Messages to the controllers of ros2_control, and conversion of received trajectories."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ Array = NDArray[np.float64]
 
 
 class Controllers:
-    """Publishers beside `joint_command_compensated`, none by default.
+    """Publishers to controllers, in addition to `joint_command_compensated`; none by default.
 
     Args:
-        node: that publishes.
-        names: (m,) of the robot's joints.
-        passed_through: (k,) of axes that commands may carry behind them.
+        node: node that publishes.
+        names: (m,) names of the robot's joints.
+        passed_through: (k,) names of pass-through axes that commands may contain.
         commands: name of a forward_command_controller; empty for none.
-        order: joints in its order, with what is passed through or without; empty for the robot's,
-            with it.
+        order: joints in the order of that controller, with or without the pass-through axes; empty
+            for the robot's order, with them.
         trajectories: name of a joint_trajectory_controller; empty for none.
 
     Raises:
-        InputError: the order is none of the robot's joints.
+        InputError: the order is no permutation of the robot's joints.
     """
 
     def __init__(
@@ -65,21 +65,21 @@ class Controllers:
             )
 
     def close(self) -> None:
-        """Publish no more."""
+        """Destroy the publishers."""
         for publisher in filter(None, (self._commands, self._trajectories)):
             self._node.destroy_lifecycle_publisher(publisher)
         self._commands = self._trajectories = None
 
     def send(self, joint: Array, mark: str, as_trajectory: bool = True) -> str:
-        """A command to each controller, to that of trajectories as one of a point.
+        """Send a command to each controller, to the trajectory controller as a one-point one.
 
         Args:
-            joint: (m,) [rad], or (m + k,) with what is passed through.
-            mark: of a compensated one.
-            as_trajectory: whether that of trajectories gets it.
+            joint: (m,) [rad], or (m + k,) with the pass-through axes.
+            mark: header.frame_id that marks a compensated command; empty if it is not.
+            as_trajectory: whether the trajectory controller gets it.
 
         Returns:
-            Why it could not be sent to one; else empty.
+            Why it could not be sent to a controller; else empty.
         """
         why = ""
         if self._commands is not None and max(self._order) >= len(joint):
@@ -88,7 +88,7 @@ class Controllers:
         elif self._commands is not None:
             self._commands.publish(Float64MultiArray(data=array("d", joint[self._order])))
         if as_trajectory and self._trajectories is not None:
-            # No stamp, which is: from now on. With one, the point would lie in the past by then.
+            # No stamp means: from now on. With a stamp, the point would already lie in the past.
             message = JointTrajectory(joint_names=self._names[: len(joint)])
             message.header.frame_id = mark
             message.points = [JointTrajectoryPoint(positions=array("d", joint))]
@@ -96,7 +96,7 @@ class Controllers:
         return why
 
     def send_all(self, data: bytes) -> None:
-        """A trajectory, as a message's bytes, to its controller."""
+        """Send a serialized trajectory to the trajectory controller."""
         if self._trajectories is not None:
             self._trajectories.publish(data)
 
@@ -104,17 +104,17 @@ class Controllers:
 def points_of(
     message: JointTrajectory, reader: JointReader, now_s: float, wait_s: float
 ) -> Points:
-    """A trajectory in the robot's order, on the steady clock.
+    """Convert a trajectory message to points in the robot's order, on the steady clock.
 
     Args:
-        message: as received; a stamp of zero means from now on.
-        reader: of the robot's joints.
-        now_s: steady time.
-        wait_s: from now to the message's stamp.
+        message: message as received; a stamp of zero means from now on.
+        reader: reader of the robot's joints.
+        now_s: steady time [s].
+        wait_s: time from now to the message's stamp [s].
 
     Raises:
-        InputError: no points, names or sizes that do not fit, times that do not rise, or something
-            that is not finite.
+        InputError: no points, names or sizes that do not fit, times that do not rise, velocities
+            at some points only, or a value that is not finite.
     """
     order = reader.order(message.joint_names)
     if not message.points:
@@ -132,7 +132,7 @@ def points_of(
 
 
 def points_in_order(time_s: Array, joint: Array, velocity: Array | None, m: int) -> Points:
-    """Points whose first m columns are the robot's joints, the others what is passed through."""
+    """Split columns into the m robot joints and the pass-through axes behind them."""
     if velocity is None:
         return Points(time_s, joint[:, :m], carried=joint[:, m:])
     return Points(
@@ -143,9 +143,9 @@ def points_in_order(time_s: Array, joint: Array, velocity: Array | None, m: int)
 def trajectory(
     message: JointTrajectory, points: Points, names: Sequence[str], mark: str
 ) -> JointTrajectory:
-    """The message with other positions and velocities, joints in the order of `names`.
+    """Copy the message with new positions and velocities, joints in the order of `names`.
 
-    Of the names as many as the points have.
+    Only as many names are used as the points have columns.
     """
     joint, velocity = points.whole
     out = JointTrajectory(joint_names=list(names)[: joint.shape[1]])
@@ -165,7 +165,7 @@ def _seconds(duration: Duration) -> float:
 
 
 def _rows(message: JointTrajectory, field: str) -> Array:
-    """A field of all points, (n, names)."""
+    """Values of a field at all points, (n, names)."""
     rows = []
     for k, point in enumerate(message.points):
         where, values = f"JointTrajectory.points[{k}].{field}", getattr(point, field)

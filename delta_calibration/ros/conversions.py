@@ -1,4 +1,4 @@
-"""Messages to arrays and back; what leaves here is finite, complete and in the robot's order."""
+"""Conversion of messages to arrays and back; results are finite, complete and in robot order."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from delta_calibration.texts import listed
 
 Array = NDArray[np.float64]
 NANOSECONDS = 1_000_000_000
-LONGEST_PART = 100  # characters of the name of a part that has a temperature
+LONGEST_PART = 100  # longest name [characters] of a part with a temperature
 UNIT_TOLERANCE = 1e-3  # on the length of a quaternion: single-precision trackers stay well inside
 
 
@@ -30,20 +30,20 @@ def stamp_to_ns(stamp: Time) -> int:
 
 
 def ns_to_stamp(time_ns: int) -> Time:
-    """Stamp of a message at that many nanoseconds."""
+    """Message stamp from nanoseconds."""
     seconds, nanoseconds = divmod(int(time_ns), NANOSECONDS)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 class JointReader:
-    """Joint positions in the robot's order, whatever order and company they arrive in.
+    """Reads joint positions in the robot's order from messages in any order.
 
-    The order is looked up once and again only when a message's names change. Joints that are not
-    the robot's (a gripper on the same topic) are passed over.
+    The order is looked up only when a message's names change. Joints that are not the robot's (a
+    gripper on the same topic) are ignored.
 
     Args:
-        names: (m,) the robot's joints, in its order.
-        passed_through: (k,) axes that are read behind them where a message has them.
+        names: (m,) names of the robot's joints, in its order.
+        passed_through: (k,) names of pass-through axes, read behind the joints if present.
     """
 
     def __init__(self, names: Sequence[str], passed_through: Sequence[str] = ()) -> None:
@@ -52,11 +52,11 @@ class JointReader:
         self._order: list[int] = []
 
     def positions(self, message: JointState) -> Array:
-        """Positions of the robot's joints, (m,) [rad], or with what is passed through, (m + k,).
+        """Positions of the robot's joints, (m,) [rad], or with the pass-through axes, (m + k,).
 
         Raises:
-            InputError: a joint is missing or doubled, a part only of what is passed through is
-                there, sizes differ, or a position is not finite.
+            InputError: a joint is missing or doubled, only a part of the pass-through axes is
+                present, sizes differ, or a position is not finite.
         """
         if message.name != self._seen:
             self._order = self._find(list(message.name))
@@ -71,10 +71,10 @@ class JointReader:
         return _finite(np.array(angles), "JointState.position", every)
 
     def order(self, names: Sequence[str]) -> list[int]:
-        """Where each of the robot's joints, and what is passed through, is among these names.
+        """Index in `names` of each of the robot's joints, and of the pass-through axes if present.
 
         Raises:
-            InputError: a joint is missing or doubled, or a part of what is passed through.
+            InputError: a joint or pass-through axis is missing or doubled.
         """
         return self._find(list(names))
 
@@ -92,7 +92,7 @@ def joint_state(names: Sequence[str], position: Array, stamp: Time) -> JointStat
     """Message with the positions (m,) [rad] of the named joints.
 
     Raises:
-        InputError: as many names as positions are needed, all of them finite.
+        InputError: numbers of names and positions differ, or a position is not finite.
     """
     if position.shape != (len(names),):
         raise InputError(f"JointState: {position.shape} positions for the names {list(names)}")
@@ -104,13 +104,13 @@ def joint_state(names: Sequence[str], position: Array, stamp: Time) -> JointStat
 
 
 class JointWriter:
-    """Messages of a stream of joint positions: one message, filled anew each time.
+    """Writer of a stream of joint positions that reuses one message object.
 
-    Publishing copies it, so that the next one may follow at once; whoever else wants to keep it
-    takes `joint_state`.
+    Publishing copies the message, so that it can be refilled at once. To keep a message, use
+    `joint_state`.
 
     Args:
-        names: (m,) of the joints.
+        names: (m,) names of the joints.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -121,7 +121,7 @@ class JointWriter:
         """Message with the positions (m,) [rad].
 
         Raises:
-            InputError: as many positions as names are needed, all of them finite.
+            InputError: numbers of names and positions differ, or a position is not finite.
         """
         if position.shape != (len(self._names),):
             raise InputError(
@@ -190,7 +190,7 @@ def temperature(message: Temperature) -> tuple[str, int, float]:
     """Part the sensor is fixed to, stamp [ns], and temperature [deg C].
 
     Raises:
-        InputError: no `frame_id` to name the part, one that is no name, or not finite.
+        InputError: `frame_id`, the name of the part, is empty or too long; value not finite.
     """
     part = str(message.header.frame_id)
     if len(part) > LONGEST_PART:
@@ -207,7 +207,7 @@ def temperature(message: Temperature) -> tuple[str, int, float]:
 
 
 def payload(message: InertiaStamped) -> tuple[int, float, Array]:
-    """Stamp [ns], mass [kg] and centre of mass (3,) [m] of what the platform carries.
+    """Stamp [ns], mass [kg] and centre of mass (3,) [m] of the payload.
 
     Raises:
         InputError: not finite, or a negative mass.
@@ -232,7 +232,7 @@ def _unit_quaternion(value: Any) -> Array:
 
 
 def _finite(values: Array, field: str, labels: Sequence[str]) -> Array:
-    """The same values, as floats, or an error that names those that are not finite."""
+    """Return the values as floats, or raise an error that names those that are not finite."""
     if not all(map(isfinite, values.tolist())):
         bad = np.flatnonzero(~np.isfinite(values))
         named = ", ".join(f"{labels[int(i)]} = {values[i]}" for i in bad)

@@ -1,9 +1,9 @@
-"""The folder that files named by parameters lie in, and who may name which.
+"""Restriction of the files named by parameters to the folder `data_dir`.
 
-Any peer on the network can set a parameter of a node and call its services; only who started the
-node can say where it may read and write. Files that parameters name later lie under `data_dir`,
-the node's working folder where it is not given, links followed. A file that was named at the start
-and lies elsewhere may be named again, unless `data_dir` was given: then all lie under it.
+Any peer on the network can set a parameter of a node and call its services, but only the user who
+starts the node decides where it may read and write. Files that parameters name later must lie
+under `data_dir` (default: the node's working folder), with links resolved. A file named at the
+start that lies elsewhere may be named again, unless `data_dir` was given: then all lie under it.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from delta_calibration.texts import bounded
 
 @dataclass(frozen=True)
 class DataFolder:
-    """What a node may read and write.
+    """Folder that a node may read and write.
 
     Attributes:
-        folder: links resolved.
-        given: whether who started the node named it.
-        known: texts that were values at the start, and may be named again.
+        folder: path with links resolved.
+        given: whether it was given at the start of the node.
+        known: parameter values at the start, which may be set again.
     """
 
     folder: Path
@@ -31,7 +31,7 @@ class DataFolder:
 
     @classmethod
     def of(cls, text: str) -> DataFolder:
-        """The folder that a parameter names; the working folder where it is empty.
+        """Folder named by a parameter; the working folder if that is empty.
 
         Raises:
             InputError: no such folder.
@@ -42,10 +42,10 @@ class DataFolder:
         return cls(folder, bool(text))
 
     def path(self, name: str, text: str) -> Path:
-        """The file that the text of a parameter means; a relative one lies in the folder.
+        """File named by the text of a parameter; a relative path starts at the folder.
 
         Raises:
-            InputError: it lies elsewhere, or is no path.
+            InputError: it lies outside the folder, or is no path.
         """
         resolved = _resolved(name, self.folder, text)
         if text in self.known and not self.given:
@@ -56,10 +56,10 @@ class DataFolder:
 
 
 def _resolved(name: str, folder: Path, text: str) -> Path:
-    """What a text means from a folder on, links followed.
+    """Resolve a path relative to a folder, with links followed.
 
     Raises:
-        InputError: nothing: a home of nobody, links in a circle, a zero byte, a name too long.
+        InputError: unknown home folder, circular links, a zero byte, or a name that is too long.
     """
     try:
         file = (folder / Path(text).expanduser()).resolve()

@@ -1,7 +1,7 @@
-"""Service answers that are given after the callback has returned.
+"""Service responses that are sent after the callback has returned.
 
-The events executor of rclpy 7.1 takes no coroutines, so a callback that has to wait would hold up
-every other one. Here it returns a `Deferred` instead of a response.
+The events executor of rclpy 7.1 does not support coroutines, so a callback that waits would block
+all others. Here it returns a `Deferred` instead of a response.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from typing import Any
 
 
 class Deferred:
-    """The promise of an answer; to be kept on the executor's thread."""
+    """Placeholder for a response, which has to be sent on the executor's thread."""
 
     def __init__(self) -> None:
         self._send: Callable[[Any], None] | None = None
 
     def bind(self, send: Callable[[Any], None]) -> None:
-        """Called by the service with the way back to the caller."""
+        """Set the function that sends the response to the caller; called by the service."""
         self._send = send
 
     def answer(self, response: Any) -> None:
-        """Send the response; a second one is not sent."""
+        """Send the response; further calls are ignored."""
         send, self._send = self._send, None
         if send is not None:
             send(response)

@@ -1,4 +1,4 @@
-"""A node's state on `/diagnostics`, once a second, whatever the clock of the simulation does."""
+"""Publisher of a node's state on `/diagnostics`, once a second, independent of simulated time."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def status(
     values: Mapping[str, object] | None = None,
     hardware: str = "",
 ) -> DiagnosticStatus:
-    """One status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE.
+    """Make a status; `level` is one of DiagnosticStatus.OK, WARN, ERROR, STALE.
 
-    Texts are cut at a length: names that peers give may be in them.
+    Texts are truncated, because they may contain names given by peers.
     """
     given = (values or {}).items()
     pairs = [KeyValue(key=bounded(key), value=bounded(str(value))) for key, value in given]
@@ -38,9 +38,9 @@ class Diagnostics:
     """Publishes what `report` returns at 1 Hz of wall time.
 
     Args:
-        node: node that is reported on; its name comes before the status's.
-        report: gives level, message and values now.
-        hardware: what is reported on, such as the robot's name; may be set later.
+        node: node that is reported on; its full name is the name of the status.
+        report: function that returns the present level, message and values.
+        hardware: hardware id, such as the robot's name; may be set later.
     """
 
     def __init__(
@@ -57,7 +57,7 @@ class Diagnostics:
         self._timer = node.create_timer(PERIOD_S, self.publish, clock=clock)
 
     def publish(self) -> None:
-        """Publish the state now, besides the times of the clock."""
+        """Publish the state now, in addition to the periodic messages."""
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         level, text, values = self._report()

@@ -1,4 +1,4 @@
-"""Who takes the commands of a node that drives, and whether what it sends still reaches drives."""
+"""Check that the commands of a node are received, and still forwarded to the drives."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from rclpy.publisher import Publisher
 from rclpy.task import Future
 
 PERIOD_S = 0.2
-AGAIN_S = 1.0  # [s] an answer can be lost while the other side does not know of this one yet
-LASTS_S = 0.5  # [s] of trouble that is no end in common: Ctrl-C ends all nodes, one after another
-SILENT_S = 3.0  # [s] without an answer a node is taken to hang
+AGAIN_S = 1.0  # [s] until a request is repeated: discovery may be incomplete, the answer lost
+LASTS_S = 0.5  # [s] that a problem must last, as Ctrl-C ends all nodes one after another
+SILENT_S = 3.0  # [s] without an answer, after which a node is assumed to hang
 ACTIVE = "active"
 STATE_TYPE = "lifecycle_msgs/srv/GetState"
 UNKNOWN = "_NODE_NAME_UNKNOWN_"
@@ -24,36 +24,36 @@ UNKNOWN = "_NODE_NAME_UNKNOWN_"
 
 @dataclass
 class _Managed:
-    """A lifecycle node among the listeners."""
+    """A lifecycle node among the subscribers."""
 
     client: Client
-    heard_s: float  # of its last answer, or when it was found
-    state: str = ""  # by that answer
+    heard_s: float  # time of its last answer, or when it was found
+    state: str = ""  # according to that answer
     asked_s: float = 0.0
     answer: Future | None = None
 
 
 class Driven:
-    """Watches who listens to a publisher: how many, and the lifecycle of those that have one.
+    """Monitors the subscribers of a publisher: their number, and the states of lifecycle nodes.
 
-    A calibration node that is inactive listens and sends nothing on; one that is gone or finalized
-    does not listen any more. Either way the machine stands, and what is driven on is for nothing.
+    An inactive calibration node subscribes but forwards nothing; one that is gone or finalized no
+    longer subscribes. In both cases the machine stands still, and further commands are useless.
 
     Args:
-        node: that drives.
+        node: node that sends commands.
         commands: its publisher.
-        wanted: how many have to listen.
+        wanted: required number of subscribers.
     """
 
     def __init__(self, node: Node, commands: Publisher, wanted: int) -> None:
         self._node, self._commands, self._wanted = node, commands, wanted
-        self._listeners: set[str] = set()  # full names of nodes, as of the last look
+        self._listeners: set[str] = set()  # full names of the nodes at the last check
         self._managed: dict[str, _Managed] = {}
-        self._met: tuple[str, float] | None = None  # trouble as it began, and when
+        self._met: tuple[str, float] | None = None  # first problem, and its time
         node.create_timer(PERIOD_S, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def trouble(self) -> str:
-        """Why what is sent does not reach the drives; empty where all is well."""
+        """Reason why the commands do not reach the drives; empty if they do."""
         topic, now_s = self._commands.topic_name, time.monotonic()
         for name, managed in self._managed.items():
             if name not in self._listeners:
@@ -70,7 +70,7 @@ class Driven:
         return ""
 
     def lasting_trouble(self) -> str:
-        """What `trouble` said first, once it has lasted for `LASTS_S`; asked at every command."""
+        """First problem, once problems have lasted for `LASTS_S`; called at every command."""
         trouble, now_s = self.trouble(), time.monotonic()
         if not trouble:
             self._met = None
@@ -81,11 +81,11 @@ class Driven:
         return begun if now_s - since_s >= LASTS_S else ""
 
     def known(self) -> bool:
-        """Whether every lifecycle node that listens has said its state."""
+        """Whether the state of every lifecycle node that subscribed is known."""
         return all(managed.state for managed in self._managed.values())
 
     def forget(self) -> None:
-        """Forget those who have gone; before it begins, a node may come and go."""
+        """Forget nodes that have gone; allowed before the motion begins."""
         for name in set(self._managed) - self._listeners:
             self._node.destroy_client(self._managed.pop(name).client)
 
@@ -104,7 +104,7 @@ class Driven:
 
 
 def _ask(managed: _Managed, now_s: float) -> None:
-    """Take an answer that has come, and ask again."""
+    """Process an answer that has arrived, and request the state again."""
     answer = managed.answer
     if answer is not None and answer.done():
         managed.state, managed.heard_s = str(answer.result().current_state.label), now_s

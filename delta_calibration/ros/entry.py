@@ -1,4 +1,4 @@
-"""Entry points of the node executables; without rclpy they say so in a line, and leave with 2."""
+"""Entry points of the node executables; without rclpy they print a message and exit with 2."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MISSING = (
 
 
 def run_node(executable: str) -> int:
-    """Run `main()` of the module that carries the executable's name, or tell of it (`--help`).
+    """Run `main()` of the module named like the executable, or print its help (`--help`).
 
     Args:
         executable: name of a node module in this package, such as `session_recorder`.
@@ -67,7 +67,7 @@ def measurement_plan() -> NoReturn:
 
 
 def grid_positioner() -> NoReturn:
-    """Drive points right by the tracker alone."""
+    """Correct points with the tracker alone, without a model."""
     leave(run_node("grid_positioner"))
 
 

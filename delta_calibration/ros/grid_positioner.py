@@ -66,9 +66,9 @@ Array = NDArray[np.float64]
 
 NAME = "grid_positioner"
 SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
-SAY_AGAIN_S = 2.0  # [s] between two lines of log on messages of a topic that are of no use
+SAY_AGAIN_S = 2.0  # [s] between two log lines on refused messages of a topic
 FAREWELL_S = 1.0  # [s] for the last command to arrive
-ENCODER_SIGMAS = 8.0  # a standing joint may read so far from where it was told to be
+ENCODER_SIGMAS = 8.0  # allowed deviation of a joint at rest, in standard deviations of its encoder
 
 SPECS = (
     ROBOT,
@@ -141,7 +141,7 @@ SPECS = (
 
 
 class GridPositioner(BaseNode):
-    """Wires a `Positioning` to the cell: its steps to commands, still readings back to it."""
+    """Wires a `Positioning` to the cell: sends its steps as commands, returns readings at rest."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
@@ -151,17 +151,17 @@ class GridPositioner(BaseNode):
         size = self._robot.commanded.joint_size
         self._unit = float(np.radians(self._settings.number("unit_deg"))) * size
         self._positioning = self._make_positioning()
-        self._said = 0  # outcomes told and written
+        self._said = 0  # number of outcomes logged and written
         self._moves = 0
-        self._here: Array | None = None  # where the machine stands, then where it was sent last
+        self._here: Array | None = None  # position of the machine, then its last target
         self._motion: list[Array] = []  # commands still to be sent
         self._standing: StopDetector | None = None
-        self._last: Array | None = None  # what the tracker said at the stop before
+        self._last: Array | None = None  # mean reading at the stop before
         self._created = self._arrived = time.monotonic()
-        self._found: float | None = None  # when somebody was seen to listen
+        self._found: float | None = None  # when a subscriber was found
         self._commands = self.create_publisher(JointState, "joint_command", STREAM_OUT)
         self._driven = Driven(self, self._commands, self._settings.integer("subscribers"))
-        self._stopped = ""  # why it ended before all was done
+        self._stopped = ""  # why it ended before all points were done
         self._reader = JointReader(self._robot.joints.names)
         self._listen(JointState, "joint_states", self._on_states)
         self._listen(PoseStamped, "tracker/pose", self._on_pose)
@@ -172,7 +172,7 @@ class GridPositioner(BaseNode):
         self._ticker = self.create_timer(period, self._tick, clock=steady)
 
     def close(self) -> None:
-        """Give the last command the time to arrive; say how far it came."""
+        """Wait for the last command to arrive, and publish the final state."""
         self._commands.wait_for_all_acked(Duration(seconds=FAREWELL_S))
         self._diagnostics.publish()
 
@@ -204,7 +204,7 @@ class GridPositioner(BaseNode):
 
     @staticmethod
     def _frame(robot: Robot, settings: ParameterTable) -> Calibration | int:
-        """Where the tracker's frame comes from."""
+        """Calibration that contains the tracker's frame, or number of stops to determine it."""
         file = settings.path("calibration")
         return load_calibration(file, robot) if file else settings.integer("frame_stops")
 
@@ -249,10 +249,10 @@ class GridPositioner(BaseNode):
             self.fail(error)
 
     def _advance(self, now: float) -> None:
-        """One period: a command of the motion, or a look at how the stop comes along.
+        """Do the work of one period: send a command of the motion, or check the stop.
 
         Raises:
-            DataError: what is sent does not reach the drives any more.
+            DataError: the commands no longer reach the drives, or a stop is not measured in time.
         """
         if not self._moves:
             if not self._ready(now):
@@ -266,7 +266,7 @@ class GridPositioner(BaseNode):
             self._send(self._motion.pop(0))
             self._arrived = now
             return
-        self._send(self._positioning.step)  # held: whoever watches for silence hears none
+        self._send(self._positioning.step)  # repeated at a stop: commands never cease
         if self._standing is None:
             if now - self._arrived >= self._settings.number("dwell"):
                 self._standing = self._stop()
@@ -284,10 +284,10 @@ class GridPositioner(BaseNode):
             self._set_off()
 
     def _ready(self, now: float) -> bool:
-        """Whether somebody listens, and has said where the machine stands.
+        """Whether a subscriber is present and the position of the machine is known.
 
         Raises:
-            DataError: nobody did in time.
+            DataError: this was not the case in time.
         """
         self._driven.forget()
         trouble, limit = self._driven.trouble(), self._settings.number("wait_for_subscriber")
@@ -306,14 +306,14 @@ class GridPositioner(BaseNode):
         return now - self._found >= SETTLE_S
 
     def _set_off(self) -> None:
-        """Lay the motion to the next stop, into it from the same side each time."""
+        """Plan the motion to the next stop, which is always approached from the same side."""
         step, here = self._positioning.step, self._here
         if here is None:
             return
         stop = Plan(NAME, np.zeros((1, 3)), step[None], np.ones(1), np.zeros(1), dwell=0.0)
         (leg,) = legs(stop, self._robot, self._settings.number("rate"), here)
         if np.array_equal(step, here):
-            self._last = None  # the same stop again: the tracker may well say the same
+            self._last = None  # same stop again: an equal reading is no error
         self._motion, self._here = list(leg.joint), step
         self._moves += 1
 
@@ -343,7 +343,7 @@ class GridPositioner(BaseNode):
     # --- what is told
 
     def _say_progress(self) -> None:
-        """Log the frame once, and each target as it is done; the table grows with them."""
+        """Log the frame once, and each finished target; write the table with each target."""
         doing, frame = self._positioning, self._positioning.frame
         if frame is not None and self._moves == frame.stops:
             self.get_logger().info(str(frame))

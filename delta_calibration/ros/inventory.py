@@ -1,8 +1,8 @@
-"""What each node publishes, subscribes to, serves and calls, and a command line that starts it.
+"""Topics and services of each node, and an example of a command line that starts it.
 
-Names as declared: relative ones follow namespaces and remaps, `~/` stands for the node's own name.
-What ROS gives every node (parameters, rosout, lifecycle) is not in here. Held against the real
-nodes by a test.
+Names are as declared: relative ones follow namespaces and remaps, `~/` stands for the node's name.
+Interfaces that ROS gives every node (parameters, rosout, lifecycle) are left out. A test compares
+the list with the real nodes.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ DRIVEN = {"LISTENER/get_state": "lifecycle_msgs/srv/GetState"}
 
 @dataclass(frozen=True)
 class Inventory:
-    """One node's ends.
+    """Topics and services of one node.
 
     Attributes:
         example: arguments behind `ros2 run delta_calibration NODE`.
         publishes: topics that it sends.
-        subscribes: topics that it hears.
+        subscribes: topics that it receives.
         serves: services that it offers.
-        calls: services of others; LISTENER is whoever takes its commands.
-        named: parts of a name that a parameter gives, in capitals, with the parameter.
+        calls: services of other nodes; LISTENER stands for each subscriber of its commands.
+        named: placeholders (capitals) in names, with the parameter that gives their value.
     """
 
     example: str

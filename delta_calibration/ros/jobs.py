@@ -1,4 +1,4 @@
-"""Services whose work is done beside the command path: on another thread, answered at its end."""
+"""Services whose work runs on another thread than the commands; the answer follows at its end."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ class _Job:
 
 
 class Jobs:
-    """Trigger services of a node, one job of a kind at a time.
+    """Runs the jobs of a node's Trigger services, at most one of a kind at a time.
 
-    The work is prepared on the node's own thread, done on another, and what it returns is called
-    on the node's own again: it takes the result into use and says so.
+    The work is prepared on the node's thread and done on another one. It returns a function, which
+    is called on the node's thread again: it applies the result and returns the answer's sentence.
 
     Args:
-        node: that offers the services.
-        tell: is told the kind of a job that failed, and why.
-        changed: is called when a job has begun and when one has ended.
+        node: node that offers the services.
+        tell: callback that gets the kind of a failed job and the reason.
+        changed: callback at the start and at the end of each job.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Jobs:
         self._poll.cancel()
 
     def serve(self, name: str, kind: str, prepare: Callable[[], Work]) -> None:
-        """Offer a service; `prepare` may refuse by a CalibrationError, and so may the work."""
+        """Offer a service; `prepare` and the work may raise a CalibrationError to refuse."""
 
         def receive(_request: Any, response: Any) -> Any:
             try:
@@ -69,11 +69,11 @@ class Jobs:
 
     @property
     def running(self) -> tuple[str, ...]:
-        """Kinds of the jobs that are not done."""
+        """Kinds of the running jobs."""
         return tuple(self._running)
 
     def drop(self, why: str) -> None:
-        """Wait for no job any more, and answer those who do."""
+        """Abandon all jobs, and answer their callers with the reason."""
         self._poll.cancel()
         while self._running:
             kind, job = self._running.popitem()

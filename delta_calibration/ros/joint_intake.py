@@ -1,7 +1,7 @@
-"""Joint positions out of JointState messages as they came over the wire.
+"""Reading of joint positions from serialized JointState messages.
 
-A message is converted by rclpy once; those after it that are laid out the same are read at the
-places that are known by then. Any other, and one that is not finite, goes the way of the first.
+The first message of a layout is deserialized by rclpy; later ones of the same layout are read
+directly at the known byte offsets. Others, and those not finite, are deserialized as well.
 """
 
 from __future__ import annotations
@@ -28,39 +28,39 @@ _KEPT = 4  # layouts
 
 @dataclass(frozen=True)
 class Joints:
-    """What is taken out of a JointState."""
+    """Content read from a JointState."""
 
-    # (m,) [rad] in the robot's order, or (m + k,) with what is passed through behind it
+    # (m,) [rad] in the robot's order, or (m + k,) with the pass-through axes behind
     position: Array
     stamp: Stamp
     frame_id: str
-    layout: Layout | None = None  # where this is the first message laid out so
+    layout: Layout | None = None  # set if rclpy deserialized the message; otherwise None
 
 
 class JointIntake:
     """Reads the JointState messages of one topic.
 
-    The delay of the first message is taken at once.
+    The constructor reads an example, so that the first real message is not delayed.
 
     Args:
-        names: (m,) the robot's joints, in its order.
-        passed_through: (k,) axes that a message may have besides, all or none of them.
+        names: (m,) names of the robot's joints, in its order.
+        passed_through: (k,) names of pass-through axes; a message contains all or none of them.
     """
 
     def __init__(self, names: Sequence[str], passed_through: Sequence[str] = ()) -> None:
         self._reader = JointReader(names, passed_through)
-        self._known: dict[int, tuple[Any, str]] = {}  # by size: what reads them, frame
+        self._known: dict[int, tuple[Any, str]] = {}  # by size: layout for compiled code, frame
         example = Bytes(names).message(np.zeros(len(names)), (0, 0))
-        for _ in range(2):  # by rclpy, and by the layout that is known then
+        for _ in range(2):  # by rclpy, then by the layout known from it
             self.read(example)
         self._known.clear()
 
     def read(self, message: bytes) -> Joints:
-        """Positions, stamp and frame of a message.
+        """Read positions, stamp and frame of a message.
 
         Raises:
-            InputError: it is no JointState, a joint is missing or doubled, sizes differ, or a
-                position is not finite.
+            InputError: it is no JointState, a joint is missing or doubled, only a part of the
+                pass-through axes is present, sizes differ, or a position is not finite.
         """
         known = self._known.get(len(message))
         if known is not None:
@@ -72,7 +72,7 @@ class JointIntake:
         return self._converted(message)
 
     def stamp(self, message: bytes) -> Stamp:
-        """Stamp of a message, whatever else is in it; zero where there is none."""
+        """Read the stamp of a message, even of one with invalid content; zero if it has none."""
         found = stamp_of(message)
         if found is not None:
             return found
@@ -83,7 +83,7 @@ class JointIntake:
         return int(header.stamp.sec), int(header.stamp.nanosec)
 
     def _converted(self, message: bytes) -> Joints:
-        """What rclpy makes of a message; its layout is kept."""
+        """Deserialize a message by rclpy, and remember its layout."""
         typed = _typed(message)
         q, header = self._reader.positions(typed), typed.header
         layout = Layout.of(message)

@@ -1,8 +1,8 @@
-"""Lifecycle node that survives what rclpy's does not.
+"""Lifecycle node that is robust against invalid requests and failing callbacks.
 
 In rclpy 7.1 a `change_state` request that does not fit the state raises out of `spin()`, and an
-exception in a transition callback is swallowed. Here the first is answered with false, and the
-second is logged.
+exception in a transition callback is swallowed. Here such a request is answered with false, and
+such an exception is logged.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ AUTOSTART = Spec(
 
 
 class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
-    """Lifecycle node that works in four hooks: `configure`, `activate`, `deactivate`, `cleanup`.
+    """Lifecycle node with the hooks `configure`, `activate`, `deactivate` and `cleanup`.
 
-    A hook that raises CalibrationError refuses the transition: one line is logged, the state stays
-    as it was. Any other exception is logged with its traceback; everything is released and the
-    node is unconfigured again. `cleanup` may be called in any state and has to release whatever
-    there is.
+    A hook that raises CalibrationError refuses the transition: one line is logged, and the state
+    does not change. Any other exception is logged with its traceback; everything is released and
+    the node is unconfigured again. `cleanup` may be called in any state and has to release
+    everything that exists.
     """
 
     def __init__(self, name: str, **kwargs: Any) -> None:
@@ -47,13 +47,13 @@ class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
         """Load and check everything the node needs."""
 
     def activate(self) -> None:
-        """Begin to act; managed publishers come alive after this."""
+        """Start operation; managed publishers are activated after this."""
 
     def deactivate(self) -> None:
-        """Stop acting; managed publishers are still alive in here."""
+        """Stop operation; managed publishers are still active in here."""
 
     def cleanup(self) -> None:
-        """Release what `configure` took, in whatever state."""
+        """Release everything that `configure` took, in any state."""
 
     @property
     def state(self) -> str:
@@ -91,14 +91,14 @@ class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
         return self._attempt(self.cleanup, super().on_cleanup, state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Transition to `finalized`, which nothing refuses: what fails is logged."""
+        """Transition to `finalized`; it cannot be refused, and failures are only logged."""
         if state.label == "active":
             self._attempt(self.deactivate, super().on_deactivate, state)
         self._attempt(self.cleanup, super().on_shutdown, state)
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Release everything, silence the publishers: `unconfigured` again, else `finalized`."""
+        """Release everything and deactivate publishers; then `unconfigured`, else `finalized`."""
         super().on_deactivate(state)
         return self._attempt(self.cleanup, super().on_error, state)
 
@@ -108,7 +108,7 @@ class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
         entities: Callable[[LifecycleState], TransitionCallbackReturn],
         state: LifecycleState,
     ) -> TransitionCallbackReturn:
-        """Call a hook, then the managed entities; what is raised becomes the answer."""
+        """Call a hook, then the managed entities; convert an exception to the return value."""
         try:
             hook()
             return entities(state)
@@ -122,7 +122,7 @@ class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
     def _answer_change_state(
         self, request: ChangeState.Request, response: ChangeState.Response
     ) -> ChangeState.Response:
-        """Answer false where rclpy would let a request out of state end the process."""
+        """Answer false to a request that does not fit the state; rclpy would end the process."""
         state = self.state
         if not self.serves:
             self.get_logger().warn("transition refused: services are off", once=True)

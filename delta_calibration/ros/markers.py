@@ -1,4 +1,4 @@
-"""The cell's scene as markers: latched, redrawn on change, beside the command path."""
+"""Publisher of the cell's scene as latched markers, redrawn on change beside the command path."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ TYPES = {
 
 
 class Markers:
-    """Publishes what a desk's cell looks like on `~/markers`.
+    """Publishes the scene of a calibration session on `~/markers`.
 
-    Once a second it looks whether something changed: then the picture is made and sent on another
-    thread. What goes wrong there is logged: nobody's commands wait for a picture.
+    Once a second it checks for changes; if there are any, the scene is drawn and sent on another
+    thread, so that no command waits for it. Failures there are logged.
 
     Args:
-        node: that has the desk.
-        desk: the desk now; None where there is none.
-        scale: by which errors are drawn longer, now.
-        prefix: of the name of the robot's base, in which all is drawn.
+        node: node that owns the session.
+        desk: function that returns the present session, or None if there is none.
+        scale: function that returns the present magnification of the errors.
+        prefix: prefix of the name of the robot's base frame, in which all is drawn.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Markers:
         self._node, self._desk, self._scale = node, desk, scale
         self._frame = prefix + BASE
         self.trail = GuardTrail()
-        self._drawn: tuple[Any, ...] = ()  # what the scene is of
+        self._drawn: tuple[Any, ...] = ()  # inputs of the present scene
         self._scene: list[Marker] = []
         self._work: Background[None] | None = None
         self._publisher = node.create_publisher(MarkerArray, "~/markers", STATUS)
@@ -70,7 +70,7 @@ class Markers:
             self._work = Background(partial(self._draw, wanted))
 
     def _ended(self, work: Background[None]) -> bool:
-        """Whether a picture is done; one that could not be made is told."""
+        """Whether the drawing has finished; a failure is logged."""
         if not work.done:
             return False
         try:
@@ -80,7 +80,7 @@ class Markers:
         return True
 
     def _draw(self, wanted: tuple[Any, ...]) -> None:
-        """Make the picture and send it; not on the thread of the commands."""
+        """Draw and publish the scene; must not run on the thread of the commands."""
         anew = not _same(wanted, self._drawn)
         if anew:
             self._drawn = wanted
@@ -92,19 +92,19 @@ class Markers:
 
 
 def _same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    """Whether two scenes are of the very same things, drawn at the same scale."""
+    """Whether two scenes have identical objects as inputs and the same scale."""
     return [*map(id, one[:-1]), one[-1:]] == [*map(id, other[:-1]), other[-1:]]
 
 
 def picture(markers: Sequence[Marker], frame: str) -> MarkerArray:
-    """The whole of it: all markers from before go."""
+    """Message that replaces all earlier markers by these."""
     clear = Marker(action=Marker.DELETEALL)
     clear.header.frame_id = frame
     return MarkerArray(markers=[clear, *markers])
 
 
 def marker(drawing: Drawing, frame: str) -> Marker:
-    """One drawing, under its own namespace, so that each can be switched off by itself."""
+    """Marker of a drawing, in its own namespace so that it can be switched off separately."""
     message = Marker(ns=drawing.name, type=TYPES[drawing.kind], action=Marker.ADD)
     message.header.frame_id = frame
     message.pose.orientation.w = 1.0

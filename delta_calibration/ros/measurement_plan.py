@@ -48,7 +48,7 @@ NAME = "measurement_plan"
 STATES = ("joint_states_nominal", "joint_states")  # the first that is heard decides the start
 SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
 STATES_S = 3.0  # [s] to wait for a joint state
-HELD_UP_S = 0.25  # [s] behind time: beyond it, to catch up would be a jump
+HELD_UP_S = 0.25  # [s] delay above which the rest is shifted, as catching up would be a jump
 FAREWELL_S = 1.0  # [s] for the last command to arrive
 
 SPECS = (
@@ -78,11 +78,11 @@ class Motion:
 
     joint: Array  # (n, m) [rad]
     leg: NDArray[np.intp]  # (n,) number of the stop or path, from 0
-    payload: Array  # (n,) [kg] that the plan wants on the platform
+    payload: Array  # (n,) [kg] mass that the plan requires on the platform
 
     @classmethod
     def of(cls, plan: Plan, robot: Robot, rate: float, start: Array | None) -> Motion:
-        """The plan at `rate` [1/s] from joint angles `start` (m,), or from its first stop."""
+        """Convert a plan to commands at `rate` [1/s], from joint angles `start` (m,) or stop 1."""
         parts = list(legs(plan, robot, rate, start))
         lengths = [len(part.joint) for part in parts]
         return cls(
@@ -96,7 +96,7 @@ class Motion:
 
     @property
     def leg_count(self) -> int:
-        """Stops and paths in all."""
+        """Total number of stops and paths."""
         return int(self.leg[-1]) + 1
 
 
@@ -126,7 +126,7 @@ class MeasurementPlan(BaseNode):
         self._motion: Motion | None = None
         self._next = 0
         self._created = time.monotonic()
-        self._found: float | None = None  # when somebody was seen to listen
+        self._found: float | None = None  # when a subscriber was found
         self._begun = 0.0
         self._diagnostics = Diagnostics(self, self._report, self._robot.name)
         self._progress = Progress(self, self._doing)
@@ -134,7 +134,7 @@ class MeasurementPlan(BaseNode):
         self._ticker = self.create_timer(1.0 / self._hz, self._tick, clock=steady)
 
     def close(self) -> None:
-        """Give the last command the time to arrive; say how far it came."""
+        """Wait for the last command to arrive, and publish the final state."""
         self._commands.wait_for_all_acked(Duration(seconds=FAREWELL_S))
         self._diagnostics.publish()
         self._progress.publish()
@@ -163,7 +163,7 @@ class MeasurementPlan(BaseNode):
         try:
             if self._motion is None:
                 self._motion = self._ready(time.monotonic())
-                self._begun = time.monotonic()  # to make the motion took its time
+                self._begun = time.monotonic()  # computing the motion took time
             if self._motion is not None:
                 self._drive(self._motion, time.monotonic())
         except CalibrationError as error:
@@ -171,10 +171,10 @@ class MeasurementPlan(BaseNode):
             self.fail(error)
 
     def _ready(self, now: float) -> Motion | None:
-        """The motion, once somebody listens and the machine has said where it stands.
+        """Compute the motion once a subscriber is ready and the machine's position is known.
 
         Raises:
-            DataError: nobody listened in time, or who did was not active.
+            DataError: there was no subscriber in time, or it was not active.
         """
         self._driven.forget()
         trouble = self._driven.trouble()
@@ -205,10 +205,10 @@ class MeasurementPlan(BaseNode):
             raise DataError(f"did not begin in {limit:g} s: {trouble}")
 
     def _drive(self, motion: Motion, now: float) -> None:
-        """Send what is due: command k at k / rate, half a period early at most.
+        """Send the commands that are due: command k at k / rate, at most half a period early.
 
         Raises:
-            DataError: what is sent does not reach the drives any more.
+            DataError: the commands no longer reach the drives.
         """
         trouble = self._driven.lasting_trouble()
         if trouble:
@@ -224,7 +224,7 @@ class MeasurementPlan(BaseNode):
             stamp = self.get_clock().now().to_msg()
             self._commands.publish(joint_state(self._robot.joints.names, motion.joint[k], stamp))
             self._next = k + 1
-        if due > len(motion):  # a period after the last command, which is thus held as long
+        if due > len(motion):  # one period after the last command, which is held so long
             self.get_logger().info(f"plan {self._plan.name}: done")
             self.finish()
 
@@ -241,7 +241,7 @@ class MeasurementPlan(BaseNode):
             self.get_logger().info(f"{motion.leg[k] + 1} of {motion.leg_count}")
 
     def _doing(self) -> Doing:
-        """The plan, for `~/progress`."""
+        """Progress of the plan, for `~/progress`."""
         motion = self._motion
         if motion is None or self._next == len(motion):
             return {}

@@ -1,4 +1,4 @@
-"""What `--help` of a node prints, made of what the node declares."""
+"""Help text of a node (`--help`), generated from its declarations."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ KINDS = {bool: "true or false", int: "whole number", float: "decimal number", st
 
 
 def asks_for_help(argv: Sequence[str]) -> bool:
-    """Whether a command line, the program's name first, asks for help outside of ROS's part."""
+    """Whether a command line, program name first, asks for help outside its ROS arguments."""
     own = argv[1 : argv.index("--ros-args")] if "--ros-args" in argv else argv[1:]
     return any(word in ASKED for word in own)
 
 
 def help_text(name: str) -> str:
-    """What a node is, what it sends and hears, its parameters, and how it is started.
+    """Help text of a node: purpose, example, topics and services, and parameters.
 
     Args:
-        name: of the executable.
+        name: name of the executable.
     """
     module, inventory = import_module(f"delta_calibration.ros.{name}"), NODES[name]
     return "\n".join(
@@ -86,7 +86,7 @@ def _allowed(spec: Spec) -> str:
 
 
 def _yaml(value: object) -> str:
-    """A value as on a command line."""
+    """Format a value as on a command line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Iterable) and not isinstance(value, str):

@@ -1,8 +1,8 @@
-"""What a process of the command path does for itself, so that commands need not wait.
+"""Real-time settings of a process on the command path, to avoid delays of commands.
 
-Its memory stays in RAM once it has been touched; Python's garbage collector runs between commands
-and never in one; and, where that is asked for, its threads go before those of ordinary programs.
-What the system does not allow is told, and the process goes on without it.
+Its memory is locked in RAM once touched; Python's garbage collector runs only between commands;
+and on request, its threads get a real-time priority. A setting that the system refuses is
+reported, and the process continues without it.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ _TASKS, _STATUS = Path("/proc/self/task"), Path("/proc/self/status")
 
 
 def lock_memory() -> str:
-    """Keep in RAM what is touched from now on; why not, where the system refuses; else empty.
+    """Lock memory in RAM when it is touched; return why that was refused, else an empty text.
 
-    Not attempted below a limit: memory that is asked for beyond it would be refused later.
+    Not attempted with a limited RLIMIT_MEMLOCK: later allocations beyond it would fail.
     """
     limit = resource.getrlimit(resource.RLIMIT_MEMLOCK)[0]
     if limit != resource.RLIM_INFINITY and not _capable(_LOCK_ANY):
@@ -34,12 +34,12 @@ def lock_memory() -> str:
 
 
 def take_priority(priority: int) -> str:
-    """Let all threads that run now go first (SCHED_FIFO); why not, or empty.
+    """Give all present threads a SCHED_FIFO priority; return why that was refused, else empty.
 
-    Threads and processes that are started later are ordinary ones again: a fit waits.
+    Threads and processes started later have the ordinary priority again, so that a fit waits.
 
     Args:
-        priority: 1 to 99; 0 for that of ordinary programs.
+        priority: 1 to 99; 0 for the ordinary priority (SCHED_OTHER).
     """
     policy = (os.SCHED_FIFO | os.SCHED_RESET_ON_FORK) if priority else os.SCHED_OTHER
     try:
@@ -51,13 +51,13 @@ def take_priority(priority: int) -> str:
 
 
 class OwnProcess:
-    """The process of a node whose commands need not wait; nothing of it where there are others.
+    """Applies the real-time settings, but only if the process contains no other node.
 
     Attributes:
-        refused: why there is no priority though one was asked for; else empty.
+        refused: reason why a requested priority was refused; else empty.
 
     Args:
-        alone: whether the process is the node's own.
+        alone: whether the node has its own process.
     """
 
     def __init__(self, alone: bool) -> None:
@@ -66,7 +66,7 @@ class OwnProcess:
         self._memory = self._priority = "as of any program"
 
     def hold(self, priority: int) -> None:
-        """Lock memory, keep garbage from being collected in a command, take a priority."""
+        """Lock memory, stop automatic garbage collection, and take a priority if above 0."""
         if not self._alone:
             return
         self._held = True
@@ -80,12 +80,12 @@ class OwnProcess:
             self._priority = f"refused: {self.refused}" if self.refused else f"FIFO {priority}"
 
     def tidy(self) -> None:
-        """Collect what has become garbage: brief, to be called between commands."""
+        """Collect garbage, which is brief; to be called between commands."""
         if self._held:
             gc.collect()
 
     def release(self) -> None:
-        """A process as any other again."""
+        """Restore the ordinary settings of the process."""
         if not self._held:
             return
         self._held, self.refused = False, ""
@@ -97,17 +97,17 @@ class OwnProcess:
 
     @property
     def values(self) -> Mapping[str, object]:
-        """What is to be told of it."""
+        """Values for diagnostics."""
         return {"memory": self._memory, "priority": self._priority}
 
 
 def _threads() -> Iterator[int]:
-    """Threads of this process."""
+    """Ids of the threads of this process."""
     return (int(task.name) for task in _TASKS.iterdir())
 
 
 def _capable(capability: int) -> bool:
-    """Whether this process has a capability of Linux."""
+    """Whether this process has a Linux capability."""
     try:
         lines = _STATUS.read_text(encoding="utf-8").splitlines()
     except OSError:

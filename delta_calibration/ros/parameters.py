@@ -1,4 +1,4 @@
-"""Parameters of a node from a small table: default, meaning, range, choices.
+"""Declaration and check of a node's parameters from a table: default, meaning, range, choices.
 
 ROS checks the type and, for numbers that are not NaN, the range; choices, arrays and finiteness
 are checked here, at the start and at every later change. A value is refused with the reason.
@@ -31,17 +31,17 @@ Value = bool | int | float | str | Sequence[str] | Sequence[float]
 
 @dataclass(frozen=True)
 class Spec:
-    """One parameter: its type is that of the default; the unit stands in the description.
+    """Specification of a parameter; its type is that of the default.
 
     Attributes:
-        name: as on the command line.
-        default: value where none is given; a tuple for an array, which must not be empty.
-        description: what it does, with unit.
+        name: name as on the command line.
+        default: default value; a tuple for an array, which must not be empty.
+        description: meaning, with unit.
         range: lowest and highest value of a number, or of each number of an array.
         choices: allowed texts; of an array, allowed entries.
-        read_only: can be given at the start only.
+        read_only: whether it can be given at the start only.
         path: whether it names a file, which has to lie in `data_dir` (data_dir.py).
-        names: texts that name no file, as those of robots that come with the package.
+        names: allowed texts that are not files, such as the robots of the package.
     """
 
     name: str
@@ -54,7 +54,7 @@ class Spec:
     names: tuple[str, ...] = ()
 
     def reason_against(self, value: Any) -> str | None:
-        """Why the value is refused, naming it and what is allowed; None if it is not."""
+        """Reason why a value is refused, with the allowed values; None if it is accepted."""
         for entry in _entries(value):
             if isinstance(entry, float) and not math.isfinite(entry):
                 return f"{self.name}: {entry} is not a finite number"
@@ -65,7 +65,7 @@ class Spec:
         return None
 
     def descriptor(self) -> ParameterDescriptor:
-        """What `ros2 param describe` shows."""
+        """ROS descriptor, as shown by `ros2 param describe`."""
         choices = f"one of: {', '.join(self.choices)}" if self.choices else ""
         descriptor = ParameterDescriptor(
             name=self.name,
@@ -97,7 +97,7 @@ ROBOT = Spec(
     names=known_robots(),
 )
 
-# Of every node that drives a cell by commands.
+# Parameters of every node that sends joint commands to a cell.
 RATE = Spec("rate", 50.0, "rate [Hz] of the commands", range=(1.0, 1000.0), read_only=True)
 SUBSCRIBERS = Spec(
     "subscribers",
@@ -115,7 +115,7 @@ WAIT_FOR_SUBSCRIBER = Spec(
 )
 
 
-# Of every node that names frames.
+# Parameter of every node that uses frame names.
 FRAME_PREFIX = Spec(
     "frame_prefix",
     "",
@@ -129,8 +129,8 @@ class ParameterTable:
 
     Args:
         node: node that owns them.
-        specs: what to declare.
-        on_change: called after a change at run time, with the names that changed.
+        specs: parameters to declare.
+        on_change: callback after a change at run time, with the names that changed.
 
     Raises:
         InputError: a value given at the start has the wrong type or is not allowed.
@@ -174,7 +174,7 @@ class ParameterTable:
         return str(self._value(name))
 
     def path(self, name: str) -> Path | None:
-        """The file that a parameter names; None where it is empty.
+        """File named by a parameter; None if it is empty.
 
         Raises:
             InputError: it lies outside `data_dir`.
@@ -184,7 +184,7 @@ class ParameterTable:
         return self._files.path(name, text) if text else None
 
     def named(self, name: str) -> str:
-        """A name that is no file's, or else the file that a parameter names, as text.
+        """Value of a parameter if it is one of `Spec.names`, otherwise the path of its file.
 
         Raises:
             InputError: it lies outside `data_dir`.
@@ -193,7 +193,7 @@ class ParameterTable:
         return text if text in self._specs[name].names else str(self.path(name) or "")
 
     def _bound(self, paths: Iterable[Spec]) -> None:
-        """From now on files lie in `data_dir`, but for those named at the start."""
+        """Restrict files to `data_dir` from now on, except those named at the start."""
         files = DataFolder.of(self.text(DATA_DIR.name))
         known = frozenset(self.text(spec.name) for spec in paths)
         self._files = replace(files, known=known)
@@ -201,7 +201,7 @@ class ParameterTable:
             self.named(spec.name)
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """Value of an array of texts; without empty ones: YAML has no empty array with a type."""
+        """Non-empty texts of an array; [""] stands for an empty array, which YAML cannot type."""
         return tuple(str(entry) for entry in self._value(name) if entry)
 
     def numbers(self, name: str) -> tuple[float, ...]:
@@ -248,7 +248,7 @@ class ParameterTable:
 
 
 def warn_of_unknown(node: Node) -> None:
-    """Log parameters that were given and not declared: ROS itself drops them in silence."""
+    """Warn of parameters that were given but not declared, which ROS silently ignores."""
     for name in sorted(node._parameter_overrides):
         if not node.has_parameter(name) and not name.startswith("qos_overrides."):
             known = sorted(node.list_parameters([], 0).names)

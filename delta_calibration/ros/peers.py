@@ -1,4 +1,4 @@
-"""What peers on the network may do to a node: all of it, or, with `services:=false`, look on."""
+"""Access of network peers to a node: full, or read-only with `services:=false`."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from delta_calibration.ros.parameters import Spec
 from delta_calibration.texts import bounded
 
-# What rclpy gives nodes: to be read by peers, refused where it would change the node.
+# Services that rclpy gives every node: peers may read, but changes of the node are refused.
 ROS_OWN = frozenset(
     (
         "describe_parameters",
@@ -41,20 +41,20 @@ SERVICES = Spec(
 
 @dataclass(frozen=True)
 class Guarded:
-    """Answers a request of a peer; one that the callback fails on is refused, and ends no node.
+    """Service callback that refuses a request on any exception, so that it cannot end the node.
 
-    In rclpy 7.1 a parameter of a type that there is not raises out of `spin()`.
+    In rclpy 7.1 a parameter of an invalid type raises out of `spin()`.
 
     Attributes:
-        answer: what is called with the request and the empty response.
-        warn: logs a line.
+        answer: original callback, called with the request and the empty response.
+        warn: function that logs a warning.
     """
 
     answer: Callable[[Any, Any], Any]
     warn: Callable[[str], Any]
 
     def __call__(self, request: Any, response: Any) -> Any:
-        """The response: the callback's, or a refusal."""
+        """Return the response of the original callback, or a refusal."""
         try:
             return self.answer(request, response)
         except Exception as error:
@@ -69,14 +69,14 @@ class Guarded:
 
 
 class ShutToPeers:
-    """Mixin of a node that no request of a peer ends, and that `services` may shut to them."""
+    """Mixin that protects a node from requests of peers, and can close its services to them."""
 
-    serves = True  # what the parameter says
+    serves = True  # value of the parameter `services`
 
     def shut_to_peers(self: Any) -> None:
-        """Guard the services that rclpy gives; where services are off, end all others.
+        """Guard the services of rclpy; if `services` is false, destroy all others.
 
-        No parameter is taken any more then. Called once the node stands, or again.
+        Parameter changes are then refused, too. To be called when the node is built, or again.
         """
         own = self.get_fully_qualified_name() + "/"
         for service in list(self.services):

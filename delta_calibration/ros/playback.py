@@ -1,6 +1,6 @@
-"""What a player plays, and when: no ROS in here.
+"""Timeline and clock of the playback of a session, without ROS.
 
-The time of the session is a straight line over the wall's time, broken at every change of rate or
+Session time t is piecewise linear in wall time w, with a new piece at every change of rate or
 pause:
 
     t(w) = t_k + rate (w - w_k)
@@ -28,8 +28,8 @@ class Timeline:
     type_names: tuple[str, ...]  # (m,)
     log_time_ns: NDArray[np.int64]  # (n,) [ns], rising
     topic: NDArray[np.intp]  # (n,) index into `topics`
-    records: tuple[bytes, ...]  # (n,) bytes of the wire
-    notes: tuple[str, ...]  # what was lost or left out in reading
+    records: tuple[bytes, ...]  # (n,) serialized messages
+    notes: tuple[str, ...]  # warnings about messages lost or left out in reading
 
     @property
     def start_ns(self) -> int:
@@ -46,13 +46,13 @@ class Timeline:
         return int(np.searchsorted(self.log_time_ns, time_ns, side="left"))
 
     def last_before(self, topic: int, stop: int) -> int | None:
-        """Index of a topic's last message among the first `stop`; None where there is none."""
+        """Index of a topic's last message among the first `stop`; None if there is none."""
         found = np.flatnonzero(self.topic[:stop] == topic)
         return int(found[-1]) if found.size else None
 
 
 def load_timeline(path: Path, wanted: tuple[str, ...] = (ALL,)) -> Timeline:
-    """Read the messages to be played; of a file that was cut off, those that are left.
+    """Read the messages to be played; of a truncated file, those that remain.
 
     Args:
         path: folder or file of the session.
@@ -96,13 +96,13 @@ def start_index(timeline: Timeline, offset_s: float) -> int:
 
 
 class PlaybackClock:
-    """Time of the session [ns] as a function of the wall's [ns].
+    """Session time [ns] as a function of wall time [ns].
 
     Args:
-        session_ns: time of the session to start from.
-        wall_ns: time of the wall now.
-        rate: seconds of session a second of wall.
-        paused: whether to stand still.
+        session_ns: session time at the start [ns].
+        wall_ns: present wall time [ns].
+        rate: seconds of session time per second of wall time.
+        paused: whether session time stands still.
     """
 
     def __init__(self, session_ns: int, wall_ns: int, rate: float, paused: bool) -> None:
@@ -111,10 +111,10 @@ class PlaybackClock:
         self._rate = 0.0 if paused else rate
 
     def at(self, wall_ns: int) -> int:
-        """Time of the session when the wall shows `wall_ns`."""
+        """Session time [ns] at the wall time `wall_ns`."""
         return self._session_ns + int(self._rate * (wall_ns - self._wall_ns))
 
     def change(self, wall_ns: int, rate: float, paused: bool) -> None:
-        """Go on from here at another rate, or stand still."""
+        """Continue at another rate from this wall time on, or pause."""
         self._session_ns, self._wall_ns = self.at(wall_ns), wall_ns
         self._rate = 0.0 if paused else rate

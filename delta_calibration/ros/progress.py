@@ -1,4 +1,4 @@
-"""How far a node's work has come, on `~/progress`: a status a task, latched."""
+"""Publisher of the progress of a node's tasks on `~/progress`: one latched status a task."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ Doing = Mapping[str, tuple[str, Mapping[str, object]]]  # task -> sentence, figu
 
 
 class Progress:
-    """Publishes what a node is at, twice a second while there is something, and once at its end.
+    """Publishes the tasks of a node twice a second while there are any, and once at the end.
 
-    What takes less than half a second is told by who calls `publish` at its beginning.
+    To show a task of less than half a second, call `publish` at its beginning.
 
     Args:
-        node: whose work it is; its name comes before the task's.
-        doing: gives the tasks that go on now.
+        node: node that does the work; its name precedes the name of the task.
+        doing: function that returns the present tasks.
     """
 
     def __init__(self, node: Node, doing: Callable[[], Doing]) -> None:
         self._node, self._doing = node, doing
-        self._last: frozenset[str] | None = None  # tasks told; None before the first time
+        self._last: frozenset[str] | None = None  # tasks published last; None before that
         self._publisher = node.create_publisher(DiagnosticArray, "~/progress", STATUS)
         clock = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(PERIOD_S, self.publish, clock=clock)
 
     def publish(self) -> None:
-        """Tell it now, if there is anything to tell."""
+        """Publish the tasks now, unless the node is idle and was so before."""
         doing = self._doing()
         tasks = frozenset(doing)
         if not tasks and self._last == tasks:

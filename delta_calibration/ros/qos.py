@@ -1,8 +1,8 @@
-"""The contract's topics: name, type and quality of service on each side.
+"""Topics of the interface: name, type and quality of service (QoS) on each side.
 
-Readers of measured streams ask for best effort, which matches both kinds of writer; what this
-package writes is reliable, which matches both kinds of reader. Depth 10 loses messages at 1 kHz,
-so streams have 100.
+Subscriptions to measured streams are best effort, which matches both kinds of publisher;
+publishers of this package are reliable, which matches both kinds of subscription. Depth 10 loses
+messages at 1 kHz, so streams have 100.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ CLOCK = _profile(10)
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of the contract.
+    """One topic of the interface.
 
     Attributes:
         name: relative name, so that namespaces and remaps act on it.
-        type_name: such as `sensor_msgs/msg/JointState`.
+        type_name: name of the type, such as `sensor_msgs/msg/JointState`.
         message: class of its messages.
         reader: profile to subscribe with.
         writer: profile to publish with.
@@ -53,7 +53,7 @@ class Topic:
 
     @property
     def latched(self) -> bool:
-        """Whether a late reader gets the last value."""
+        """Whether a late subscriber gets the last message."""
         return bool(self.reader.durability == DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -75,5 +75,5 @@ BY_NAME = {topic.name: topic for topic in INPUTS}
 
 
 def deeper(profile: QoSProfile, depth: int) -> QoSProfile:
-    """Same profile with a longer queue on this side, which no other side sees."""
+    """Copy a profile with another queue depth, which the other side does not see."""
     return QoSProfile(depth=depth, reliability=profile.reliability, durability=profile.durability)

@@ -38,7 +38,7 @@ from delta_calibration.ros.watchdog import leave
 
 NAME = "robot_description"
 ALL_STATES = "joint_states_all"
-SAY_AGAIN_S = 5.0  # [s] between two lines of log on states that cannot be shown
+SAY_AGAIN_S = 5.0  # [s] between two log lines on states that cannot be shown
 
 SPECS = (
     ROBOT,
@@ -77,7 +77,7 @@ class RobotDescription(BaseNode):
         self._diagnostics = Diagnostics(self, self._report, robot.name)
 
     def start(self) -> None:
-        """Say what the robot looks like, once and to all who come later."""
+        """Publish the URDF once, latched for late subscribers."""
         self._text.publish(String(data=self._urdf))
 
     def _on_states(self, message: JointState) -> None:

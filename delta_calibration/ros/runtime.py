@@ -1,8 +1,9 @@
-"""What every node's `main()` shares: start, spin, stop, exit code.
+"""Common part of every node's `main()`: start, spin, stop, exit code.
 
-Signals only set a mark, which the spin looks at between slices: no callback is cut in half, and a
-node closes its files and deactivates while the context still lives. A signal before the spin
-breaks off at once. What hangs then, or is signalled again, is ended by a watchdog (`watchdog.py`).
+Signals only set a flag, which is checked between the slices of the spin: no callback is
+interrupted, and a node closes its files and deactivates while the context is still valid. A signal
+before the spin ends the start at once. A process that then hangs, or gets another signal, is ended
+by a watchdog (`watchdog.py`).
 """
 
 from __future__ import annotations
@@ -33,9 +34,9 @@ FAILED = 1
 
 
 class Finishing:
-    """Mixin of a node that may end by itself, with an exit code of its own.
+    """Mixin for a node that may end by itself, with its own exit code.
 
-    `stop_limit_s` [s] is the time that it has to end in after a signal.
+    `stop_limit_s` [s] is the time in which it has to end after a signal.
     """
 
     stop_limit_s = LIMIT_S
@@ -45,20 +46,20 @@ class Finishing:
         self.finished = Future()
 
     def finish(self, exit_code: int = 0) -> None:
-        """Let the process end within a slice of the spin; the first call decides the exit code."""
+        """End the process within one slice of the spin; the first call sets the exit code."""
         if not self.finished.done():
             self.finished.set_result(exit_code)
 
     def fail(self, error: CalibrationError) -> None:
-        """Say in one line what the user has to know, and end with the error's exit code."""
+        """Log the error in one line, and end with its exit code."""
         self.get_logger().fatal(str(error))  # type: ignore[attr-defined]
         self.finish(error.exit_code)
 
     def start(self) -> None:
-        """Called once, when the node stands and before it spins."""
+        """Hook that is called once, after the node is built and before it spins."""
 
     def close(self) -> None:
-        """Called once, before the node is destroyed and while it can still publish."""
+        """Hook called once, before the node is destroyed and while it can still publish."""
 
 
 class BaseNode(Finishing, ShutToPeers, Node):
@@ -70,19 +71,19 @@ class BaseNode(Finishing, ShutToPeers, Node):
 
 
 class Interrupted(BaseException):
-    """A signal that breaks off.
+    """Exception raised by a signal before the spin.
 
-    Not KeyboardInterrupt: once that has passed through an `eval`, python ends by the signal even
+    Not KeyboardInterrupt: once that has passed through an `eval`, Python ends by the signal even
     though it was caught.
     """
 
 
 class StopSignals:
-    """SIGINT and SIGTERM: a mark while spinning, `Interrupted` before; and the watchdog of both.
+    """Handler of SIGINT and SIGTERM: raises `Interrupted` before the spin, sets a flag during it.
 
     Args:
-        name: of the node, for what the watchdog says.
-        to_the_end: whether the process ends after this, which is then watched as well.
+        name: name of the node, for messages of the watchdog.
+        to_the_end: whether the process ends after this; its end is then watched as well.
     """
 
     def __init__(self, name: str, to_the_end: bool) -> None:
@@ -93,7 +94,7 @@ class StopSignals:
         self._previous: dict[signal.Signals, Any] = {}
 
     def __enter__(self) -> StopSignals:
-        if threading.current_thread() is threading.main_thread():  # only there may handlers be set
+        if threading.current_thread() is threading.main_thread():  # handlers can only be set there
             self._watchdog = Watchdog(self._name, self._to_the_end)
             for number in STOP_SIGNALS:
                 self._previous[number] = signal.signal(number, self._receive)
@@ -106,7 +107,7 @@ class StopSignals:
             signal.signal(number, handler)
 
     def allow(self, limit_s: float) -> None:
-        """Set the time [s] to end in after a signal that is still to come."""
+        """Set the time [s] in which the process has to end after a future signal."""
         if self._watchdog is not None:
             self._watchdog.limit_s = limit_s
 
@@ -117,7 +118,7 @@ class StopSignals:
 
 
 def make_executor() -> Executor:
-    """Events executor, the fastest at 1 kHz; the single-threaded one where rclpy lacks it."""
+    """Events executor, the fastest at 1 kHz; the single-threaded one if rclpy has none."""
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
@@ -129,10 +130,10 @@ def spin(executor: Executor, finished: Future, stop: StopSignals | None = None) 
     """Spin in slices until the future is done, a signal asks to stop, or the context ends.
 
     Returns:
-        The future's result where it is done, else 0.
+        The future's result if it is done, else 0.
     """
     while ok() and not finished.done() and not (stop is not None and stop.requested):
-        # A future of its own for each slice: the executor hangs a callback on it that stays.
+        # A new future for each slice: the executor adds a callback to it and never removes it.
         executor.spin_until_future_complete(Future(), SLICE_S)
     return int(finished.result()) if finished.done() else 0
 
@@ -141,13 +142,13 @@ def run(build: Callable[[], Any], name: str, arguments: Sequence[str] | None = N
     """Build a node, spin it until it ends or is asked to stop, and clean up.
 
     Args:
-        build: makes the node (a `Finishing`); rclpy is initialised by then.
-        name: said in messages before there is a node.
+        build: function that makes the node (a `Finishing`), called after rclpy is initialised.
+        name: name of the node for messages before it exists.
         arguments: command line with the program's name first; `sys.argv` by default.
 
     Returns:
         0 done or stopped by a signal; `exit_code` of a CalibrationError; 1 for any other failure.
-        A process that does not end in time, or is signalled again, does not come to return.
+        Does not return if the process does not end in time or gets a second signal.
     """
     argv = list(sys.argv if arguments is None else arguments)
     with StopSignals(name, to_the_end=arguments is None) as stop:
@@ -183,7 +184,7 @@ def _run(build: Callable[[], Any], argv: list[str], stop: StopSignals) -> int:
 
 
 def _take_down(executor: Executor, node: Any) -> None:
-    """Close the node while its context lives; even if that fails, everything is released."""
+    """Close the node while its context is valid; everything is released even if that fails."""
     try:
         node.close()
     finally:
@@ -193,10 +194,10 @@ def _take_down(executor: Executor, node: Any) -> None:
 
 
 def _initialise(argv: list[str]) -> None:
-    """Start rclpy, once every argument is understood.
+    """Initialise rclpy after a check of all arguments.
 
     Raises:
-        InputError: an argument that is neither ROS's nor ours.
+        InputError: an unknown argument, or an invalid ROS argument.
     """
     wrong = (
         rclpy_implementation.RCLInvalidROSArgsError,

@@ -29,9 +29,9 @@ from delta_calibration.ros.watchdog import leave
 
 NAME = "session_player"
 PERIOD_S = 0.002  # [s] of the timer: messages are late by no more than this
-BATCH = 500  # messages in one go, so that a signal is heard in between
-QUEUE = 1000  # messages a slow reader may be behind
-FAREWELL_S = 0.5  # [s] for the last messages to arrive; to be acknowledged may take 3 s
+BATCH = 500  # messages sent at a time, so that signals are handled in between
+QUEUE = 1000  # messages by which a slow subscriber may lag
+FAREWELL_S = 0.5  # [s] for the last messages to arrive; an acknowledgement may take 3 s
 
 SPECS = (
     Spec("session", "", "folder or file of the session to play", read_only=True, path=True),
@@ -84,7 +84,7 @@ class SessionPlayer(BaseNode):
         )
 
     def close(self) -> None:
-        """Give what was published last the time to arrive."""
+        """Wait for the last messages to arrive."""
         end = time.monotonic() + FAREWELL_S
         for publisher in filter(None, self._publishers_of):
             left_s = max(end - time.monotonic(), 0.0)  # a negative time would wait for ever
@@ -123,7 +123,7 @@ class SessionPlayer(BaseNode):
         self._say_time(now_ns, wall_ns)
         self._play_until(now_ns)
         if self._next == len(self._timeline.records):
-            self._clock_due_ns = 0  # the end is always said
+            self._clock_due_ns = 0  # the end time is always published
             self._say_time(now_ns, wall_ns)
             self._end_pass(wall_ns)
 
@@ -136,7 +136,7 @@ class SessionPlayer(BaseNode):
         return int(self._timeline.log_time_ns[self._first])
 
     def _ready(self, wall_ns: int) -> bool:
-        """Whether every topic has a subscriber, or the time for that is over."""
+        """Whether every topic has a subscriber, or the waiting time is over."""
         waited_s = (wall_ns - self._created_ns) * 1e-9
         lonely = [
             p.topic_name for p in self._publishers_of if p and not p.get_subscription_count()
@@ -149,7 +149,7 @@ class SessionPlayer(BaseNode):
         return True
 
     def _begin(self, wall_ns: int) -> PlaybackClock:
-        """Start a pass: what is latched and holds from before the start is said first."""
+        """Start a pass; latched messages from before the start are published first."""
         self._next, self._pass_ns = self._first, wall_ns
         for topic, name in enumerate(self._timeline.topics):
             known = BY_NAME.get(name.strip("/"))
@@ -188,7 +188,7 @@ class SessionPlayer(BaseNode):
 
 
 def session_path(text: str) -> Path:
-    """The session to play.
+    """Path of the session to play.
 
     Raises:
         InputError: no name given.

@@ -30,8 +30,8 @@ from delta_calibration.ros.watchdog import leave
 
 NAME = "session_recorder"
 SYNC_S = 1.0  # [s]
-CLOSE_S = 20.0  # [s] for what is still to be written, on a slow disk
-QUEUE = 2000  # messages: while the disk is flushed, two seconds at 1 kHz wait here
+CLOSE_S = 20.0  # [s] to write the remaining data on a slow disk
+QUEUE = 2000  # messages: two seconds at 1 kHz, which wait while the disk is flushed
 
 SPECS = (
     Spec(
@@ -54,7 +54,7 @@ SPECS = (
 
 @dataclass
 class Tally:
-    """What has come in on one topic."""
+    """Counts of messages and bytes received on one topic."""
 
     messages: int = 0
     bytes: int = 0
@@ -76,7 +76,7 @@ class SessionRecorder(BaseNode):
         provenance = parse_provenance(parameters.texts("provenance")) | self._sources(topics)
         self._path = output_path(parameters.named("output"))
         self._writer = SessionWriter(self._path, provenance)
-        self._failed = ""  # why nothing is recorded any more
+        self._failed = ""  # why the recording ended
         self._tallies = {topic.name: Tally() for topic in topics}
         for topic in topics:
             self._listen(topic)
@@ -85,18 +85,18 @@ class SessionRecorder(BaseNode):
         self.get_logger().info(f"recording {', '.join(self._tallies)} to {self._path}")
 
     def close(self) -> None:
-        """Finish the files; what arrived until now is in them."""
+        """Finish the files, with all messages that arrived until now."""
         self._diagnostics.publish()
         self._writer.close()
         self.get_logger().info(f"{self._path}: {self._writer.message_count} messages")
 
     def _sources(self, topics: Sequence[Topic]) -> dict[str, str]:
-        """Where a topic is listened to under another name than the contract's."""
+        """Provenance entries for topics that are recorded under a remapped name."""
         heard = {topic.name: self.resolve_topic_name(topic.name) for topic in topics}
         return {f"recorded {k} from": v for k, v in heard.items() if v != f"/{k}"}
 
     def _listen(self, topic: Topic) -> None:
-        message_type(topic.type_name)  # kept: the first time takes a fifth of a second
+        message_type(topic.type_name)  # cached: the first call takes a fifth of a second
         tally = self._tallies[topic.name]
         # A callback with one argument: with two, the events executor of rclpy 7.1 fails.
         self.create_subscription(
@@ -127,7 +127,7 @@ class SessionRecorder(BaseNode):
         tally.bytes += len(data)
 
     def _sync(self) -> None:
-        """Put what is written on the disk even while nothing arrives."""
+        """Flush written data to the disk, even while no messages arrive."""
         if not self.finished.done():
             try:
                 self._writer.sync()
@@ -135,7 +135,7 @@ class SessionRecorder(BaseNode):
                 self._give_up(error)
 
     def _give_up(self, error: CalibrationError) -> None:
-        """End, and let everybody know: who watches diagnostics sees no log."""
+        """End the node, with the error on diagnostics as well as in the log."""
         self._failed = str(error)
         self._diagnostics.publish()
         self.fail(error)
@@ -159,7 +159,7 @@ def _on_lost(tally: Tally, event: Any) -> None:
 
 
 def output_path(text: str) -> Path:
-    """The folder to write; that nothing is there yet is the writer's to check.
+    """Folder to write; the writer checks that it does not exist yet.
 
     Raises:
         InputError: no name.
@@ -170,7 +170,7 @@ def output_path(text: str) -> Path:
 
 
 def parse_provenance(entries: Sequence[str]) -> dict[str, str]:
-    """Texts `key=value` as a mapping.
+    """Parse texts `key=value` to a mapping.
 
     Raises:
         InputError: an entry without `=` or without a key.

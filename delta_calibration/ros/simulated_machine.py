@@ -1,4 +1,4 @@
-"""A machine that does not exist, live: it goes where it is told and is measured at any moment."""
+"""Live simulation of a machine that follows commands and can be measured at any moment."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from delta_calibration.simulation import PARTS, Climate, Following, TrueMachine
 
 Array = NDArray[np.float64]
 
-STILL_S = 0.1  # [s] a command that stands still for so long has ended the move
-STIR = 1e-7  # [rad of a Delta] less than this is standing still
-AHEAD = 20  # readings
-AHEAD_S = 1.0  # [s] for which readings drawn ahead are good
-UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])  # what a reflector's pose says, which has no orientation
+STILL_S = 0.1  # [s] of a constant command after which a move has ended
+STIR = 1e-7  # [rad of a Delta] smaller changes of the command count as standing still
+AHEAD = 20  # readings drawn in advance
+AHEAD_S = 1.0  # [s] for which readings drawn in advance are valid
+UPRIGHT = np.array([0.0, 0.0, 0.0, 1.0])  # quaternion of a reflector, which has no orientation
 STEADY = Climate()
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What encoders and tracker say at one moment."""
+    """Readings of encoders and tracker at one moment."""
 
     joint: Array  # (m,) [rad]
     position: Array  # (3,) [m] in the tracker's frame
@@ -33,18 +33,18 @@ class Measurement:
 
 
 class SimulatedMachine:
-    """Follows commands at once, beside them by a rest error that is drawn anew for each move.
+    """Simulated machine that follows commands at once, with a rest error drawn for each move.
 
-    A move ends when the command has stood still for STILL_S, the next begins when it stirs. What
-    the machine cannot take up is not followed: it stays where it was. Drives and links have no
-    dynamics but those of its effects, for which speed, direction and travel are kept up command
-    by command. A probe's orientation has no noise.
+    A move ends when the command was constant for STILL_S; the next begins when it changes. The
+    machine does not follow a command that it cannot reach: it stays where it was. Drives and links
+    have no dynamics except those of the effects, for which speed, direction and travel are updated
+    at each command. A probe's orientation has no noise.
 
     Args:
-        machine: the truth.
-        rng: of rest errors and noise.
-        now: time [s] of any steady clock; the cell was switched on at it.
-        climate: of the cell.
+        machine: true machine.
+        rng: random generator of rest errors and noise.
+        now: time [s] of any steady clock at which the cell was switched on.
+        climate: temperatures of the cell.
 
     Raises:
         ReachError: the machine cannot be assembled at its home.
@@ -62,7 +62,7 @@ class SimulatedMachine:
         self._begun = self._told = self._stirred = now
         self._from = self._wanted
         self._payload, self._payload_centre = 0.0, np.zeros(3)
-        self._ahead: list[Array] = []  # readings of where it stands, not yet asked for
+        self._ahead: list[Array] = []  # readings at the present position, drawn in advance
         self._read_at, self._read_when = np.full_like(self._wanted, np.nan), now
         self.measure(now)
 
@@ -70,13 +70,13 @@ class SimulatedMachine:
         """Go to joint angles (m,) [rad].
 
         Args:
-            joint: where to.
+            joint: commanded joint angles, (m,) [rad].
             now: time [s] of the steady clock.
-            stamp: when it was sent [s] by the sender's clock, which speeds are taken from; by
-                default they are taken from `now`.
+            stamp: sending time [s] by the sender's clock, from which speeds are derived; by
+                default `now` is used.
 
         Raises:
-            ReachError: beyond a joint's limit; it stays where it is.
+            ReachError: beyond a joint's limit; the machine stays where it is.
         """
         _require_limits(self._machine.robot, joint)
         stir = STIR * self._machine.robot.commanded.joint_size
@@ -94,10 +94,10 @@ class SimulatedMachine:
         self._ahead.clear()
 
     def measure(self, now: float | None = None) -> Measurement:
-        """Take one reading of everything, by default at the moment of the last command.
+        """Take one reading of encoders and tracker, by default at the time of the last command.
 
         Raises:
-            ReachError: it cannot be assembled where it was told to go; it stays where it was.
+            ReachError: the machine cannot be assembled at the command; it stays where it was.
         """
         now = self._told if now is None else now
         if now - self._told > STILL_S:
@@ -112,12 +112,12 @@ class SimulatedMachine:
         return Measurement(encoders, position, self._orientation(self._held, now))
 
     def temperatures(self, now: float) -> dict[str, float]:
-        """What the cell's thermometers say [deg C]."""
+        """Temperatures of the cell's parts [deg C]."""
         celsius = self._climate.celsius(np.array([now - self._begun]))[0]
         return dict(zip(PARTS, celsius.tolist(), strict=True))
 
     def _position(self, joint: Array, now: float) -> Array:
-        """One reading (3,) [m]; at rest they are drawn ahead, at little more than one's cost."""
+        """One reading (3,) [m]; at rest, several are drawn at once, for little more time."""
         at = self._conditions(joint, now)
         still = not at.velocity.any()
         same = still and np.array_equal(at.joint[0], self._read_at)
@@ -129,7 +129,7 @@ class SimulatedMachine:
         return self._ahead.pop()
 
     def _conditions(self, joint: Array, now: float) -> Conditions:
-        """Of one reading."""
+        """Conditions of one reading."""
         velocity, acceleration = self._motion.derivatives()
         clock = np.array([now - self._begun])
         return Conditions(
@@ -156,7 +156,7 @@ class SimulatedMachine:
 
 
 def without_noise(robot: Robot) -> Robot:
-    """The same robot with joints that repeat exactly, encoders and tracker without noise."""
+    """Copy of a robot with exactly repeating joints, and encoders and tracker without noise."""
     joints = replace(robot.joints, repeatability=0.0, encoder=0.0)
     tracker = replace(robot.tracker, radial=0.0, transverse=0.0, transverse_per_metre=0.0)
     return replace(robot, joints=joints, tracker=tracker)

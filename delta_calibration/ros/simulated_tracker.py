@@ -47,7 +47,7 @@ from delta_calibration.simulation import WARM_UP, Climate, draw_machine, effect_
 
 NAME = "simulated_tracker"
 TEMPERATURE_PERIOD_S = 1.0  # [s]
-SAY_AGAIN_S = 2.0  # [s] between two lines of log on refused commands
+SAY_AGAIN_S = 2.0  # [s] between two log lines on refused commands
 
 SPECS = (
     ROBOT,
@@ -82,7 +82,7 @@ SPECS = (
 class SimulatedTracker(BaseNode):
     """Wires a `SimulatedMachine` to the cell's topics.
 
-    It listens to what the drives would get, and takes for true what is said to be on the platform.
+    It follows the commands to the drives, and carries the payload that is published.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -119,7 +119,7 @@ class SimulatedTracker(BaseNode):
         self.get_logger().info(f"machine {seed} of {robot.name}, {state}")
 
     def start(self) -> None:
-        """Say what is on the platform: nothing."""
+        """Publish an empty payload and the temperatures."""
         message = InertiaStamped()
         message.header.stamp = self._now()
         message.header.frame_id = self._prefix + TOOL
@@ -135,7 +135,7 @@ class SimulatedTracker(BaseNode):
     def _on_command(self, message: JointState) -> None:
         try:
             joint = self._reader.positions(message)
-            sent = stamp_to_ns(message.header.stamp) * 1e-9 or None  # none: by when it came
+            sent = stamp_to_ns(message.header.stamp) * 1e-9 or None  # without stamp: arrival time
             self._simulated.command(joint, time.monotonic(), sent)
         except CalibrationError as error:
             self._refuse(error)
@@ -154,7 +154,7 @@ class SimulatedTracker(BaseNode):
             self._simulated.carry(mass, centre)
 
     def _measure(self) -> None:
-        """One reading of encoders and tracker, at one stamp."""
+        """Publish one reading of encoders and tracker with the same stamp."""
         stamp = self._now()
         try:
             seen = self._simulated.measure(time.monotonic())

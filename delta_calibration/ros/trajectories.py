@@ -1,8 +1,8 @@
-"""Trajectories of the calibration node: taken as bytes, corrected on another thread, in order.
+"""Trajectories of the calibration node: received as bytes, corrected on another thread, in order.
 
-A trajectory of ten thousand points takes a second; commands of the stream go on meanwhile. One is
-worked on at a time; of those that come meanwhile the newest waits, as a controller would go by
-that one alone, and those before it are counted. Where the node is deactivated, none goes out.
+A trajectory of ten thousand points takes a second; streamed commands are processed meanwhile. One
+trajectory is corrected at a time. Of those that arrive meanwhile only the newest waits, as a
+controller would follow that one alone; the others are counted. After deactivation, none is sent.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ REPLACED = "trajectory replaced by a newer one"
 
 @dataclass(frozen=True)
 class _Work:
-    """One trajectory on its way."""
+    """One trajectory that is being corrected."""
 
     desk: CalibrationSession
     came_s: float  # steady time
@@ -49,11 +49,11 @@ class Trajectories:
     """Corrects trajectories beside the command path.
 
     Args:
-        node: whose clock and executor are used.
-        mark: frame of what has been compensated.
-        send: takes what goes to the controller, as bytes.
-        tell: is told of a desk what was odd about a trajectory that was sent.
-        refuse: is told why one was not.
+        node: node whose clock and executor are used.
+        mark: header.frame_id of a compensated trajectory.
+        send: function that sends a serialized trajectory to the controller.
+        tell: callback that gets the session and a problem with a trajectory that was sent.
+        refuse: callback that gets the session and the reason why one was not sent.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Trajectories:
         self._poll.cancel()
 
     def take(self, desk: CalibrationSession, data: bytes) -> None:
-        """Begin with a trajectory, or let it wait for the one that is worked on."""
+        """Start to correct a trajectory, or let it wait until the present one is done."""
         if self._waiting is not None:
             desk.path.counts[REPLACED] += 1
         self._waiting = desk, data, time.monotonic(), self._node.get_clock().now().nanoseconds
@@ -81,7 +81,7 @@ class Trajectories:
             self._begin()
 
     def drop(self) -> bool:
-        """Let go of everything; whether there was something."""
+        """Drop all trajectories; return whether there were any."""
         busy = self._work is not None or self._waiting is not None
         self._work = self._waiting = None
         self._poll.cancel()
@@ -102,7 +102,7 @@ class Trajectories:
         self._poll.reset()
 
     def _look(self) -> None:
-        """Send what is done, and begin with what waits."""
+        """Send a finished trajectory, and start with the waiting one."""
         if self._work is None or not self._work.background.done:
             return
         done, self._work = self._work, None
@@ -125,7 +125,7 @@ class Trajectories:
 
 
 class _Reading:
-    """A message as it came, read where there is time for it: by arrays, else as a message."""
+    """Received message that is parsed on the worker thread: by arrays, or else by rclpy."""
 
     def __init__(
         self, data: bytes, reader: JointReader, came_s: float, clock_ns: int, mark: str
@@ -135,10 +135,10 @@ class _Reading:
         self._came_s, self._clock_ns = came_s, clock_ns
         self._plain: TrajectoryBytes | None = None
         self._message: JointTrajectory | None = None
-        self.at_once = False  # whether it goes from now on, whenever now is
+        self.at_once = False  # whether it starts on arrival (stamp zero)
 
     def points(self) -> tuple[Points, bool]:
-        """The points in the robot's order, and whether another compensated them.
+        """Points in the robot's order, and whether another node has compensated them.
 
         Raises:
             InputError: see `points_of`.
@@ -179,9 +179,9 @@ class _Reading:
         )
 
     def written(self, points: Points) -> bytes:
-        """The message with other positions and velocities, joints in the robot's order.
+        """Serialize the message with new positions and velocities, in the robot's order.
 
-        What is passed through stands behind them where the message has it.
+        Pass-through axes follow behind the joints if the message contains them.
         """
         if self._plain is None:
             out: Any = trajectory(self._message, points, self._names, self._mark)

@@ -39,7 +39,7 @@ FLAGS = {"true": True, "false": False}
 
 @dataclass(frozen=True)
 class Call:
-    """What to call: a Trigger, or a SetBool where there is a flag."""
+    """Service call: a Trigger, or a SetBool if there is a flag."""
 
     service: str
     flag: bool | None
@@ -47,7 +47,7 @@ class Call:
 
 
 class Caller(BaseNode):
-    """Waits for a service, calls it once, ends with the answer."""
+    """Node that waits for a service, calls it once, and ends with the answer."""
 
     def __init__(self, call: Call, **kwargs: Any) -> None:
         super().__init__(NAME, **kwargs)
@@ -85,7 +85,7 @@ class Caller(BaseNode):
             )
 
     def _look_for_it(self) -> None:
-        """Note when the service is there; one of the other type never answers, which is said."""
+        """Check whether the service is available; fail if it has the other type."""
         now = time.monotonic()
         if self._asked.service_is_ready():
             self._seen = now
@@ -99,7 +99,7 @@ class Caller(BaseNode):
             self.get_logger().info(f"waiting for {name}")
 
     def _others(self) -> str:
-        """What can be called on the same node, to find a slip in the name."""
+        """List the services of the same node, to help to find a wrong name."""
         node = self._asked.service_name.rpartition("/")[0] + "/"
         there = sorted(
             name
@@ -109,7 +109,7 @@ class Caller(BaseNode):
         return f" (there are {', '.join(there)})" if there else ""
 
     def _served(self) -> dict[str, list[str]]:
-        """Types by service; the graph also lists what is only asked for, as here."""
+        """Types by service; without services that have only clients, which ROS lists as well."""
         listed = self.get_service_names_and_types()
         return {name: types for name, types in listed if self.count_services(name)}
 
@@ -119,7 +119,7 @@ class Caller(BaseNode):
 
 
 def parse(arguments: Sequence[str]) -> Call:
-    """The call that a command line, without the program's name, asks for.
+    """Parse a command line, without the program's name, to a call.
 
     Raises:
         InputError: no service, or an argument that is neither a flag nor a time.

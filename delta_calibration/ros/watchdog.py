@@ -1,11 +1,11 @@
-"""Ends a process that was told to stop and does not: in a bounded time, whatever hangs.
+"""Watchdog that ends a process in a bounded time after a stop signal, whatever hangs.
 
-A thread looks at the signals as they arrive, through a pipe that is written below python: a
-callback that hangs does not hold it up. Should compiled code take python's lock after that and
-never give it back (a destructor that waits for a thread), then `faulthandler`, which needs no
-python, writes where every thread stands and ends the process. Both stay armed when `main()` has
-returned, as python waits for threads at its end. Out of reach is compiled code that keeps the lock
-already when the signal comes: whoever launched the node has to kill it.
+A thread receives the signals through a pipe that is written below Python, so a hanging callback
+does not block it. If compiled code then takes Python's lock and never releases it (a destructor
+that waits for a thread), `faulthandler`, which needs no Python, prints the stack of every thread
+and ends the process. Both stay armed after `main()` has returned, as Python waits for threads at
+its end. Not covered is compiled code that already holds the lock when the signal arrives: the
+launcher of the node has to kill it.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ REPEAT_S = 1.0  # [s] a terminal and a launcher often send the same signal twice
 LIMIT_S = 4.0  # [s] to end in; launch sends SIGTERM 5 s after SIGINT
 GRACE_S = 0.5  # [s] more, if not even a python thread can run
 HUNG = 1
-KILLED = 128  # beside the number of the signal, as shells count
+KILLED = 128  # added to the number of the signal, as in shells
 
 
 class Watchdog:
-    """Watches for SIGINT and SIGTERM from its making on; only for the main thread.
+    """Watches for SIGINT and SIGTERM from its construction on; only for the main thread.
 
-    The first signal allows `limit_s` until the end of the process, which then leaves with HUNG; a
-    second one, later than REPEAT_S, ends it at once with KILLED and the signal's number. Each is
-    said in a line on stderr.
+    After the first signal the process has `limit_s` to end, else it exits with HUNG. A second
+    signal, later than REPEAT_S, ends it at once with KILLED plus the signal's number. Either exit
+    prints a line on stderr.
 
     Args:
-        name: of the node, for that line.
-        to_the_end: once a signal has come, whether `close` leaves the time running: for a process
-            that has nothing to do but to end.
+        name: name of the node, for that line.
+        to_the_end: whether `close` leaves the time limit running after a signal: for a process
+            that only has to end.
     """
 
     def __init__(self, name: str, to_the_end: bool) -> None:
@@ -53,7 +53,7 @@ class Watchdog:
         self._thread.start()
 
     def close(self) -> bool:
-        """Watch no more, unless a signal came and the process is to end; whether it is over."""
+        """Stop watching, except after a signal with `to_the_end`; return whether it stopped."""
         if self._signalled and self._to_the_end:
             return False
         self._closed = True
@@ -80,7 +80,7 @@ class Watchdog:
         self._end(HUNG, f"not ended {self.limit_s:g} s after {signal.Signals(first).name}")
 
     def _next(self, timeout_s: float | None) -> int | None:
-        """Number of the next signal to stop; None where the time is over, or the pipe closed."""
+        """Number of the next stop signal; None if the time is over or the pipe closed."""
         while select.select([self._read], [], [], timeout_s)[0]:
             numbers = os.read(self._read, 1)
             if not numbers:
@@ -96,10 +96,10 @@ class Watchdog:
 
 
 def leave(status: int) -> NoReturn:
-    """End a process whose work is done and whose node is closed; waits for threads that work.
+    """End a process whose work is done and whose node is closed, after its running threads.
 
-    Without python's own end: there the middleware takes itself apart once more, and on a busy
-    machine may wait for a thread that is gone.
+    Skips Python's own shutdown: there the middleware is destroyed once more, and on a busy
+    computer it may wait for a thread that no longer exists.
     """
     for thread in threading.enumerate():
         if thread is not threading.current_thread() and not thread.daemon:
@@ -111,7 +111,7 @@ def leave(status: int) -> NoReturn:
 
 
 def _place(thread: int) -> str:
-    """Where a thread of this process stands, in a few words."""
+    """Describe the present code location of a thread of this process."""
     frame = sys._current_frames().get(thread)
     if frame is None:
         return "its main thread is gone"
