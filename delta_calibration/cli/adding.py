@@ -1,4 +1,4 @@
-"""A session on its way into a history: what a fit or a diagnosis makes of it, or has made."""
+"""Calibration and verdict of a session to be added to a history: computed, or read from files."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def known_of(
     quick: bool,
     update: bool,
 ) -> tuple[Path, Path] | None:
-    """Verdict and calibration that were made already; None where they are to be made.
+    """Files of an existing verdict and calibration; None if they are to be computed.
 
     Raises:
-        InputError: one without the other, of several sessions, or with --quick or --update.
+        InputError: one without the other, several sessions, or --quick or --update beside them.
     """
     if verdict is None and calibration is None:
         return None
@@ -53,7 +53,7 @@ def known_of(
 def found_of(
     seen: Survey, known: tuple[Path, Path] | None, robot: Robot, seed: int, quick: bool
 ) -> Found:
-    """Calibration and verdict of a session: read where they are known, else made."""
+    """Calibration and verdict of a session: read from the files `known`, else computed."""
     if known is not None:
         return _read_found(seen, robot, *known)
     from delta_calibration.history.adding import made_of
@@ -67,10 +67,10 @@ def found_of(
 def update_of(
     seen: Survey, name: str, store: Store, machine: str, seed: int, reread: Reread
 ) -> Found:
-    """Calibration of a session of few places, fitted with what the history says; no verdict.
+    """Calibration of a session with few places, fitted with priors from the history; no verdict.
 
     Raises:
-        DataError: there is no session of the machine before it, or it has hardly any places.
+        DataError: the machine has no earlier session, or this one has too few places.
     """
     from delta_calibration.history.adding import newly, updated
     from delta_calibration.history.few import places_of
@@ -89,10 +89,10 @@ def update_of(
 
 
 def _read_found(seen: Survey, robot: Robot, verdict_file: Path, calibration_file: Path) -> Found:
-    """What a diagnosis of this very session wrote.
+    """Read the calibration and the verdict that a diagnosis of this very session wrote.
 
     Raises:
-        InputError: a file that is none of these, or of another session or robot.
+        InputError: a file of another kind, session or robot.
     """
     from delta_calibration.history.adding import calibration_document
 

@@ -1,4 +1,4 @@
-"""The SCARA paper's positioning: a lattice of commands, and a camera that sees the tool."""
+"""Positioning of the SCARA paper: grid search over commands, with a camera that sees the tool."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _TARGETS, _REPEATS, _IMAGES = 8, 3, 10
 
 
 def positioned_by_camera(machine: TrueMachine, sight: Sight, seed: int) -> dict[str, object]:
-    """Drive a plane arm's targets right by what a camera sees of them; prints, returns figures.
+    """Correct the targets of a planar arm by a camera; prints and returns the errors.
 
-    Where the camera hangs is known, as marks at known places would tell it: what it says of the
-    tool is in the base's own coordinates.
+    The camera's pose is known, as if determined from marks at known places, so that its readings
+    of the tool are in base coordinates.
     """
     robot, rng = machine.robot, np.random.default_rng([seed, 3])
     camera = CameraOver.hung(machine, seed)
@@ -50,13 +50,13 @@ def positioned_by_camera(machine: TrueMachine, sight: Sight, seed: int) -> dict[
 
 
 def _off(machine: TrueMachine, joint: Array, targets: Array) -> Array:
-    """How far the tool truly is from its targets in the plane, (n,) [m]."""
+    """True distance of the tool from its targets in the plane, (n,) [m]."""
     there = machine.tool_points(standing(joint))
     return np.asarray(np.linalg.norm((there - targets)[:, :2], axis=1))
 
 
 def _settings(robot: Robot) -> GridSettings:
-    """The paper's lattice."""
+    """Settings of the paper's grid search."""
     joints = robot.joints
     unit = np.full(len(joints.names), _UNIT)
     return GridSettings(unit, joints.lower, joints.upper, robot.limits.correction)

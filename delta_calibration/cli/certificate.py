@@ -1,4 +1,4 @@
-"""`delta-cal certificate`: what is signed and handed on."""
+"""`delta-cal certificate`: write a calibration certificate to be signed."""
 
 from __future__ import annotations
 
@@ -157,7 +157,7 @@ def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:
     """Refuse to certify by a session that was recorded with a mistake.
 
     Raises:
-        MistakeError: there is one.
+        MistakeError: a mistake was found.
     """
     try:
         warn_of_mistakes(recorded, robot, robot_file, force=False, out=True)
@@ -186,12 +186,12 @@ def _by_path(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | None) -> None:
-    """All files, and say so."""
+    """Write all files and print their names."""
     page = page_of_certificate(certificate)
     click.echo(page.sentence)
     beside = {out.with_suffix(".json") for out in outs}
-    # what may be refused comes before any file is written, and a DCC that its schema may refuse
-    # before the others
+    # a PDF that cannot be made fails before any file is written; a DCC, which its schema may
+    # refuse, is written before the others
     made = {path: pdf_of(page) for path in outs if path.suffix == ".pdf"}
     for path in sorted({*outs, *beside}, key=lambda path: (path.suffix != ".xml", path)):
         if path.suffix == ".html":
@@ -208,10 +208,10 @@ def _write(certificate: Certificate, outs: tuple[Path, ...], dcc_schema: Path | 
 
 
 def _checked(path: Path, dcc_schema: Path | None) -> str:
-    """Whether a DCC keeps to its schema, in words.
+    """Validate a DCC by its schema and return the result in words.
 
     Raises:
-        DataError: it does not.
+        DataError: it is not valid.
     """
     if dcc_schema is None:
         return (
@@ -223,10 +223,10 @@ def _checked(path: Path, dcc_schema: Path | None) -> str:
 
 
 def _require_passed(certificate: Certificate, session: Path) -> None:
-    """Fail where a tolerance is not met.
+    """Fail if a tolerance is given and not met.
 
     Raises:
-        DataError: it fails, or nothing is decided.
+        DataError: the decision is `fail` or `not decided`.
     """
     decision = certificate.decision
     if decision not in (None, Decision.PASS):

@@ -1,4 +1,4 @@
-"""`delta-cal check`: whether a session and a robot file say what they mean."""
+"""`delta-cal check`: find recording mistakes in a session, and mistakes in its robot file."""
 
 from __future__ import annotations
 
@@ -121,17 +121,17 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
 def warn_of_mistakes(
     session: Session, robot: Robot, robot_file: str, force: bool, out: bool
 ) -> tuple[Mistake, ...]:
-    """Warn of what a check of the session finds, before it is fitted, and return it.
+    """Check a session before it is fitted; print and return the mistakes that are found.
 
     Args:
         session: as recorded.
-        robot: whose file it is held against.
-        robot_file: name of that file.
-        force: go on whatever is found.
+        robot: with which the session is checked.
+        robot_file: name of its file.
+        force: continue even if a mistake is found.
         out: whether a calibration is to be written.
 
     Raises:
-        MistakeError: something was found, and a calibration was to be written over it.
+        MistakeError: a mistake was found, a calibration is to be written, and `force` is not set.
     """
     path, document = robot_document(robot_file)
     checked = check(session, robot, document, str(path))

@@ -1,4 +1,4 @@
-"""Nodes as child processes of a verb: all gone when it ends, whatever ends it."""
+"""Run nodes as child processes of a verb; they all end with it, however it ends."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ from delta_calibration.errors import CalibrationError
 from delta_calibration.processes import child_environment
 
 _NODES = "delta_calibration.ros"
-_PATIENCE = 8.0  # [s] a node has to end in order before it is ended
+_PATIENCE = 8.0  # [s] for a node to end before the next, stronger signal
 
 
 class Children:
-    """Starts nodes of this package and watches over them; a context manager.
+    """Starts and monitors nodes of this package; a context manager.
 
     Each child is the leader of a session of its own: Ctrl-C in a terminal reaches this process
     only, and this process ends the children in order.
     """
 
     def __init__(self, domain_id: int, logs: Path) -> None:
-        """Children on one ROS domain of this machine, their output in a folder of logs."""
+        """Prepare children on one ROS domain of this machine; they write to the folder `logs`."""
         self._environment = child_environment(domain_id, local_only=True)
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Children:
-        # Also where a shell started this in the background with Ctrl-C ignored.
+        # Needed too if a shell started this process in the background with Ctrl-C ignored.
         self._before = {s: signal.signal(s, _interrupt) for s in (signal.SIGINT, signal.SIGTERM)}
         return self
 
@@ -52,7 +52,7 @@ class Children:
     def run(
         self, node: str, arguments: Sequence[str], timeout: float, log: str | None = None
     ) -> str:
-        """Run a node to its end; what it wrote to its standard output.
+        """Run a node to its end and return its standard output.
 
         Raises:
             CalibrationError: it failed or took too long, or a node that should be running has
@@ -81,12 +81,12 @@ class Children:
         self.run("measurement_plan", _ros_arguments(parameters, {}), timeout)
 
     def call(self, service: str, value: bool | None = None, timeout: float = 60.0) -> str:
-        """Call a service; its answer's message."""
+        """Call a service and return the message of its answer."""
         arguments = [service, *([] if value is None else [str(value).lower()]), str(timeout)]
         return self.run("trigger", arguments, timeout + 10.0)
 
     def stop(self) -> None:
-        """End every child: asked, then told, then killed."""
+        """End every child by SIGINT, then SIGTERM, then SIGKILL."""
         for order in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
             for child in self._running.values():
                 if child.poll() is None:
@@ -141,7 +141,7 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
 
 @contextlib.contextmanager
 def _no_interrupts() -> Iterator[None]:
-    """An impatient second Ctrl-C must not leave children behind."""
+    """Ignore SIGINT and SIGTERM, so that a second Ctrl-C leaves no children behind."""
     before = {s: signal.signal(s, signal.SIG_IGN) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield

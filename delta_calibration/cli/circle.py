@@ -1,4 +1,4 @@
-"""`delta-cal circle`: how round the circles of a session are, why not, and what to do first."""
+"""`delta-cal circle`: evaluate circles and attribute their deviation to causes."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ from delta_calibration.robot import Robot, load_robot
 
 _FILE = click.Path(path_type=Path)
 _UM = 1e6
-PRINTED = "-"  # in the place of a file: to standard output
+PRINTED = "-"  # instead of a file name: to standard output
 _BALLBAR = 1.0  # [um]
 
 
@@ -174,7 +174,7 @@ def _of_table(
 
 
 def described(test: CircleTest, named: Callable[[str], str] = str) -> str:
-    """The circles, the shares and what to do first, for people."""
+    """Text for the user: the circles, the shares of the causes, and what to do first."""
     circles = [
         (
             f"{m.circle.plane}, {m.circle.sense}",
@@ -208,7 +208,7 @@ def described(test: CircleTest, named: Callable[[str], str] = str) -> str:
 
 
 def as_json(test: CircleTest) -> dict[str, Any]:
-    """The verdict, and the circles with what each cause takes of them."""
+    """Verdict, circles and the share of each cause in their deviation, as data for JSON."""
     first = test.first
     told: dict[str, Any] = {
         **test.verdict.as_dict(),

@@ -1,13 +1,13 @@
-"""COMMANDS.csv of `compensate`: a row for every target, in order, whatever became of it.
+"""COMMANDS.csv of `compensate`: one row for every target, in the same order, corrected or not.
 
-name                the target's, where targets have names
-x_mm, y_mm, ...     the target as it came
-nominal_JOINT       joints that the drawing takes for it
-JOINT               joints to command: corrected, or nominal where there is no correction
-status              corrected, blended, or why it is not (`outside_region`, ...)
-u95_mm              within how much of the target the tool comes with 95 %; nothing where the
-command is nominal: how far off an uncorrected machine is, nobody says
-error_mm, error_mrad    what is left by the identified model
+name                name of the target, if targets have names
+x_mm, y_mm, ...     the target as given
+nominal_JOINT       joints of the nominal robot for it
+JOINT               joints to command: corrected, or nominal if there is no correction
+status              corrected, blended, or the reason why it is not (`outside_region`, ...)
+u95_mm              95 % radius of the tool about the target; empty if the command is nominal,
+because the error of an uncorrected machine is not known
+error_mm, error_mrad    remaining error according to the identified model
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from delta_calibration.robot import Joints
 Array = NDArray[np.float64]
 
 _FACTORS = {"rad": 1.0, "deg": 180.0 / np.pi, "mm": 1e3}
-_BARE = "rad"  # the unit that is not said behind a joint's name
+_BARE = "rad"  # unit without a suffix in the names of columns
 
 
 def unit_for(joints: Joints, asked: str | None) -> str:
-    """The unit of joints in the file.
+    """Unit of the joints in the file.
 
     Raises:
         InputError: an angle's unit for joints that slide, or a length's for joints that turn.
@@ -61,7 +61,7 @@ def write_commands(path: Path, joints: Joints, unit: str, commands: Commands) ->
 
 
 def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[str]]:
-    """Texts of every column, by its name."""
+    """Texts of every column by the column's name."""
     came = commands.rows[0].text
     columns = {name: [row.text[name] or "" for row in commands.rows] for name in came}
     if "name" in columns:
@@ -84,5 +84,5 @@ def _columns(joints: Joints, unit: str, commands: Commands) -> dict[str, list[st
 
 
 def _texts(values: Array, form: str) -> list[str]:
-    """Numbers as texts, nothing for what is none."""
+    """Format numbers as texts; empty if not finite."""
     return [form.format(value) if np.isfinite(value) else "" for value in values.tolist()]

@@ -66,7 +66,7 @@ def command(
 
 
 def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
-    """The comparison of files of one kind.
+    """Compare files of one kind.
 
     Raises:
         InputError: a file of neither kind, calibrations and verdicts mixed, one calibration only,
@@ -101,7 +101,7 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
 
 
 def _names(files: tuple[Path, ...]) -> list[str]:
-    """What each file is called: its stem, or all of its path where two have the same.
+    """Name of each file in the report: its stem, or its full path if two stems are equal.
 
     Raises:
         InputError: one file twice.

@@ -45,7 +45,7 @@ from delta_calibration.tables import Row
 
 Array = NDArray[np.float64]
 
-_NAMED = 10  # points told one by one
+_NAMED = 10  # points that are listed one by one at most
 REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
 OUTSIDE = (BLEND, NOMINAL, REFUSE)
 
@@ -177,7 +177,7 @@ def command(
 
 
 def said(text: str) -> None:
-    """Something to know of the result."""
+    """Print a note on the result to stderr."""
     click.echo(text, err=True)
 
 
@@ -186,7 +186,7 @@ def _watched(parts: Sequence[NDArray[np.intp]]) -> Iterable[NDArray[np.intp]]:
 
 
 def _summary(commands: Commands, compensator: JointCompensator) -> str:
-    """How many commands of what were written, and what is left by the model."""
+    """Summary: corrected commands, largest correction, and remaining error of the model."""
     found = commands.found
     count = len(commands.rows) - len(commands.uncorrected)
     told = f"{count} of {len(commands.rows)} commands corrected"
@@ -208,10 +208,10 @@ def _summary(commands: Commands, compensator: JointCompensator) -> str:
 def _tell_of_uncorrected(
     commands: Commands, targets: Path, region: Region, *, written: bool
 ) -> None:
-    """List every target without a correction once, with what was written for it, and fail.
+    """List every target without a correction, with what was written for it, and fail.
 
     Raises:
-        DataError: there is one.
+        DataError: a target has no correction.
     """
     bad, status = commands.uncorrected, commands.status
     if not bad:
@@ -237,7 +237,7 @@ def _called(row: Row) -> str:
 
 
 def without_margin(robot: Robot) -> Robot:
-    """The robot with corrections that end at the calibrated region."""
+    """Robot without a margin: its corrections end at the edge of the calibrated region."""
     return replace(robot, limits=replace(robot.limits, region_margin=0.0))
 
 
@@ -249,10 +249,10 @@ def corrected(
     targets: Path,
     calibration_file: Path,
 ) -> Compensated:
-    """All commands (n, m) corrected, the machine stopping at one after the other.
+    """Correct all commands (n, m) of a machine that stops at one after the other.
 
     Raises:
-        InputError: the calibration takes a condition that is not given.
+        InputError: a condition that the calibration needs is not given.
         DataError: a command cannot be corrected.
     """
     found = found_for(compensator, nominal, payload, warm, calibration_file, _watched)
@@ -276,7 +276,7 @@ def _refuse_uncorrected(found: Compensated, targets: Path, region: Region) -> No
 
 
 def _extent(region: Region) -> str:
-    """The box about a region, in the columns of targets."""
+    """Bounding box of a region as text, by the axes of the targets."""
     low, high = 1e3 * region.vertices.min(axis=0), 1e3 * region.vertices.max(axis=0)
     sides = zip("xyz", low, high, strict=True)
     return ", ".join(f"{name} {least:.0f} to {most:.0f}" for name, least, most in sides) + " mm"
@@ -285,7 +285,7 @@ def _extent(region: Region) -> str:
 def tell_of_blended(
     found: Compensated, targets: Path, out: Path, reached: NDArray[np.intp] | None = None
 ) -> None:
-    """Which points got a part of their correction only, and how far off they stay."""
+    """Print which points get only a part of their correction, and their remaining errors."""
     reached = np.arange(len(found.joint)) if reached is None else reached
     good = np.array([verdict is CommandStatus.CORRECTED for verdict in found.verdicts])
     share = np.ones(len(found.joint)) if found.share is None else found.share

@@ -1,4 +1,4 @@
-"""`delta-cal completion`: what a shell needs to complete verbs, options, robots and causes."""
+"""`delta-cal completion`: script with which a shell completes verbs, options, robots, causes."""
 
 from __future__ import annotations
 
@@ -24,6 +24,6 @@ def command(shell: str) -> None:
     kind = get_completion_class(shell)
     if kind is None:
         raise InputError(f"this version of click has no completion for {shell}")
-    # The group is asked for when the Tab key is pressed, by the variable; not here.
+    # A dummy command is enough: the variable makes the program complete when Tab is pressed.
     script = kind(click.Command(_PROGRAM), {}, _PROGRAM, _VARIABLE)
     click.echo(script.source_template % script.source_vars())

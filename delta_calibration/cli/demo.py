@@ -41,7 +41,7 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.simulation import draw_machine
 from delta_calibration.trial import Errors, measured_errors, paper_simulation, true_errors
 
-_PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: a real machine, without compensation
+_PAPER = ("3.3050", "0.8030", "2.0860")  # [mm] table 3: the real machine, not compensated
 _FILES = ("calibration.yaml", "extended.yaml", "verdict.json", "summary.json", "report.html")
 _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
 
@@ -94,7 +94,7 @@ def command(robot_file: str, out: Path | None, seed: int, method: str, draw: int
 
 
 def _without_nodes(robot: Robot, called: str, out: Path, seed: int, method: str) -> None:
-    """The demonstration in this process."""
+    """Run the demonstration in this process, without ROS nodes."""
     require_method(robot.commanded, method, robot.name)
     _clean(out)
     say = clock()
@@ -106,7 +106,7 @@ def _without_nodes(robot: Robot, called: str, out: Path, seed: int, method: str)
 
 
 def _with_nodes(robot_file: str, out: Path, seed: int, method: str, draw: int | None) -> None:
-    """The demonstration of a live cell."""
+    """Run the demonstration of a live cell with ROS nodes."""
     if importlib.util.find_spec("rclpy") is None:
         raise InputError(
             "the demo needs ROS 2 (rclpy), which this Python does not have; see the README"
@@ -132,13 +132,13 @@ def _with_nodes(robot_file: str, out: Path, seed: int, method: str, draw: int | 
 
 
 def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) -> None:
-    """The page on what the second act was diagnosed from; where a library is missing, which one.
+    """Write the report of the second act's diagnosis; if a library is missing, print which one.
 
     Args:
         out: folder of the demonstration.
         robot: its robot.
-        captured: begin and end of what the node captured [ns]; what follows was measured with
-            compensation, and is no part of the diagnosis.
+        captured: begin and end of the readings that the node captured [ns]; later ones were
+            measured with compensation and are no part of the diagnosis.
     """
     try:
         require_libraries()
@@ -161,7 +161,7 @@ def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int
     """Measure, fit, compensate, measure again.
 
     Returns:
-        When each part began; begin and end of what the node captured; all in ns.
+        Start of each part, and begin and end of the readings that the node captured, all in ns.
     """
     cell.order("start_capture")
     start = time.time_ns()
@@ -192,12 +192,12 @@ def _evaluate(
     begun: dict[str, int],
     captured: tuple[int, int],
 ) -> dict[str, object]:
-    """Before and after, from the recorded session; printed, and as data."""
+    """Print and return the errors before and after compensation, from the recorded session."""
     recorded = read_session(out / "session")
     names, size = robot.joints.names, robot.commanded.joint_size
     poses = collect(recorded, names, size)
     calibration = load_calibration(out / "calibration.yaml", robot)
-    # what the node fitted: the same poses, and so the same figures
+    # the same poses as the node fitted, and so the same figures
     found = identify(collect(recorded.between(*captured), names, size), robot)
     click.echo("\n" + describe(found, verbose=False) + "\n")
     registered = replace(calibration, chain=found.chain, theta=found.frame_only_theta)
@@ -256,7 +256,7 @@ def _row(name: str, errors: Errors) -> tuple[str, str, str, str]:
 
 
 def _clean(out: Path) -> None:
-    """The output folder without what an earlier run left, with a folder of logs."""
+    """Remove the files of an earlier run from the output folder, and make a folder for logs."""
     for name in ("session", "session_2", "logs"):
         shutil.rmtree(out / name, ignore_errors=True)
     for name in _FILES:

@@ -1,4 +1,4 @@
-"""`delta-cal diagnose`: why the robot does not stand where its model says."""
+"""`delta-cal diagnose`: find the causes of errors that geometric calibration does not explain."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import listed, measured, mm, plain, sure
 
 _FILE = click.Path(path_type=Path)
-_VALUES = 16  # of a cause that are told, the clearest of them
+_VALUES = 16  # values of a cause that are listed at most, the clearest ones
 
 
 @click.command("diagnose")
@@ -144,7 +144,7 @@ def command(
 
 
 def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:
-    """Write the likeliest law as an effect of one's own; what was done, a line each."""
+    """Write the likeliest law as a user-defined effect; return lines on what was written."""
     if not found.laws:
         return [f"not written: {path}: no equation for the remaining error is certain enough"]
     law, equations = found.laws[0], found.verdict.unknown_structure.laws
@@ -165,7 +165,7 @@ def diagnosed(
     calibration: Calibration | None,
     population: Population | None = None,
 ) -> Diagnosis:
-    """The diagnosis, with a bar that names its step; a line a step where nobody watches."""
+    """Diagnose with a progress bar that names the step, or a line per step if no terminal."""
     begun = monotonic()
     with tqdm(total=len(STEPS), delay=1.0, disable=None, leave=False, unit="step") as bar:
 
@@ -191,9 +191,10 @@ def diagnosed(
 def describe(
     verdict: Verdict, error: str = "3-D", of: str = "pose", named: Callable[[str], str] = str
 ) -> str:
-    """The verdict, for people; what its errors are and of what it tells the noise.
+    """Text of the verdict for the user.
 
-    `named` puts the robot's own names in, before columns are aligned.
+    `error` names the kind of error and `of` the reading whose noise is given; `named` inserts the
+    robot's own names before columns are aligned.
     """
     rows = [
         (named(f"{name}: {model.model}"), mm(model.held_out_rms_mm))
@@ -267,7 +268,7 @@ def _chance(p: float) -> str:
 
 
 def tried(found: Diagnosis, named: Callable[[str], str]) -> str:
-    """What was tried on the calibrated model, the best shape of each, best first."""
+    """Table of the candidates tried on the calibrated model, in their best shape, best first."""
     best: dict[str, Score] = {}
     for score in found.found.first.scores:
         best.setdefault(named(score.candidate.label), score)

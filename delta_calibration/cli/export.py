@@ -1,4 +1,4 @@
-"""`delta-cal export`: an identified machine for controllers that are not this package's."""
+"""`delta-cal export`: write an identified machine for other controllers."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from delta_calibration.plans.target_file import read_rows, targets_of
 from delta_calibration.robot import load_robot
 
 FORMATS = ("c", "urdf", "dh", "csv")
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # of C
-_FILE = re.compile(r"[A-Za-z0-9_.-]+")  # that a source may include by this name
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # identifier in C
+_FILE = re.compile(r"[A-Za-z0-9_.-]+")  # file name that a C source can include
 
 
 @click.command("export")
@@ -147,7 +147,7 @@ def _require_fitting(
 
 
 def _write_c(calibration: Calibration, out: Path, prefix: str) -> None:
-    """The source, and the header beside it under the same name."""
+    """Write the C source, and the header beside it under the same name."""
     if out.suffix != ".c" or not _FILE.fullmatch(out.name):
         raise InputError(
             f"{out}: the name of a C source is expected: letters, digits, . _ - and .c at the end"
@@ -165,7 +165,7 @@ def _write_points(
     temperatures: tuple[tuple[str, float], ...],
     out: Path,
 ) -> None:
-    """The points with corrected places."""
+    """Write the points with corrected positions."""
     robot = calibration.robot
     require_points(robot)
     warm = warmth_by_part(temperatures, calibration, said)

@@ -1,4 +1,4 @@
-"""`delta-cal fit`: what the machine really is."""
+"""`delta-cal fit`: identify the real geometry of the machine."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.wording import mm, plain
 
-if TYPE_CHECKING:  # a fit by itself does not wait for what a history needs
+if TYPE_CHECKING:  # a fit alone need not load the libraries of a history
     from delta_calibration.history import Prospect
 
 _FOR_PEOPLE = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "m/rad": (1e3, "mm/rad")}
-_SHOWN = 5  # of a long list, without -v
+_SHOWN = 5  # items of a long list that are shown without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
 
@@ -149,7 +149,7 @@ def command(
 
 
 def describe_poses(poses: Poses) -> str:
-    """What was in the session."""
+    """Text on the readings of a session: poses at rest, places, readings set aside, notes."""
     places = len(np.unique(poses.place))
     aside = (
         ", ".join(f"{n} {reason}" for reason, n in poses.rejected.counts().items() if n) or "none"
@@ -163,13 +163,13 @@ def describe_poses(poses: Poses) -> str:
 
 
 def describe_carried(expected: Prospect, session: str) -> str:
-    """What of the history the fit begins with."""
+    """Text on the prior knowledge that the fit takes from the history."""
     warning = [f"warning: {expected.doubt}"] if expected.doubt else []
     return plain("\n".join([*expected.sentences(session), *warning]))
 
 
 def describe(found: Identification, verbose: bool) -> str:
-    """The fit, for people."""
+    """Text of the fit's result for the user."""
     noise, seen = found.noise, found.observability
     origin = (
         f"from repeats, {noise.degrees} degrees of freedom"
@@ -202,7 +202,7 @@ def describe(found: Identification, verbose: bool) -> str:
 
 
 def _turned(found: Identification) -> list[str]:
-    """Whether orientations took part."""
+    """Line on the residual of measured orientations, if they were used."""
     if found.turn_missed is None:
         return []
     left = found.turn_missed * 1e6
@@ -221,13 +221,13 @@ def _residuals(found: Identification) -> str:
 
 
 def _model(found: Identification) -> str:
-    """What is in the fit, by the names that a verdict has for it."""
+    """Contents of the fitted model, named as in a verdict."""
     effects = (effect.cause for effect in found.chain.effects)
     return " + ".join(("geometry + frame", *effects))
 
 
 def _deviations(found: Identification) -> list[str]:
-    """Parameters that differ clearly from the drawing, strongest first."""
+    """Line on the parameters that differ clearly from the drawing, the clearest first."""
     geometry = found.chain.layout.geometry
     items = found.parameters.items[geometry]
     off = (found.theta - found.parameters.nominal)[geometry]
@@ -246,7 +246,7 @@ def _deviations(found: Identification) -> list[str]:
 
 
 def _digits(std: float) -> int:
-    """Decimals of a value with this standard error: three, or as many as its first digit needs."""
+    """Decimals for a value with this standard error: three, or more to show its first digit."""
     return max(3, -math.floor(math.log10(std))) if std > 0.0 else 3
 
 

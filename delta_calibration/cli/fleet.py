@@ -1,4 +1,4 @@
-"""`delta-cal fleet`: many machines at once, and what their fleet tells."""
+"""`delta-cal fleet`: process the sessions of many machines and report on all of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from delta_calibration.report.fleet import page_of_fleet
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import plain
 
-if TYPE_CHECKING:  # other verbs do not wait for a cluster's library
+if TYPE_CHECKING:  # other verbs need not load a cluster's library
     from delta_calibration.fleet.places import Machine
 
 _FILE = click.Path(path_type=Path)
@@ -32,7 +32,7 @@ _LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
 
 
 class _Verbs(click.Group):
-    """A first argument that is no verb is what `run` is given."""
+    """Group that calls `run` if the first argument is not a verb."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Put `run` before the source of sessions."""
@@ -125,7 +125,7 @@ def run_(
     if not folder and (robot_given or topics):
         raise InputError("--robot and --topic are of a folder; a history knows its own")
     machines = _machines(source, folder, robot_given, topics)
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is a result
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # lost workers appear in results
     told = Told(sum(len(machine.sessions) for machine in machines), verbose)
     with opened(store_url, make=True) as store, cluster(scheduler, workers, memory_gb) as client:
         settings = Settings(quick, again, not no_changes, seed)
@@ -225,7 +225,7 @@ def priors(url: str, robot_given: str | None, out: Path) -> None:
 
 
 def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> Robot:
-    """The type of machine that priors are asked for."""
+    """Robot type whose priors are to be estimated."""
     if given is not None:
         return load_robot(given)
     types = {made_for: robot for robot, made_for in known.values()}
@@ -236,7 +236,7 @@ def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> 
 
 
 def _looked_for(robots: set[str]) -> tuple[int, int]:
-    """How many causes a diagnosis looks for in these robots, and at how many places."""
+    """Number of causes that a diagnosis looks for in these robots, and of joints at most."""
     known = [load_robot(robot) for robot in robots]
     causes = {e.cause for robot in known for e in catalogue(robot, robot.model())}
     return len(causes), max(len(robot.joints.names) for robot in known)

@@ -1,4 +1,4 @@
-"""What `delta-cal fleet` says: each result as it comes, and priors."""
+"""Console output of `delta-cal fleet`: each result as it arrives, and priors."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from tqdm import tqdm
 
 from delta_calibration.wording import plain, spoken
 
-if TYPE_CHECKING:  # a cluster's library
+if TYPE_CHECKING:  # needs a cluster's library
     from delta_calibration.fleet.run import Result
 
 
 class Told:
-    """Tells results as they come, and counts them."""
+    """Prints results as they arrive, and counts them."""
 
     def __init__(self, sessions: int, verbose: bool) -> None:
-        """Begin with nothing done of so many sessions."""
+        """Start with none of so many sessions done."""
         self.counts: Counter[str] = Counter()
         self.bar = tqdm(total=sessions, unit="session", delay=1.0, disable=None, leave=False)
         self._verbose = verbose
 
     def __call__(self, result: Result, new: bool) -> None:
-        """Take a result, and whether it was written just now."""
+        """Print and count a result; `new` if it has just been written to the history."""
         from delta_calibration.fleet.work import There
         from delta_calibration.history.ledger import Compared, Failure
 
@@ -55,7 +55,7 @@ class Told:
                 click.echo(plain(text), err=always)
 
     def summary(self, machines: int) -> str:
-        """What was done, in a line."""
+        """Counts of all results, in one line."""
         of = self.counts
         return (
             f"{of['added']} sessions added, {of['there']} there already, {of['failed']} failed, "
@@ -64,7 +64,7 @@ class Told:
 
 
 def priors_told(document: dict[str, Any]) -> str:
-    """The priors, for people: how wide the crowd is beside the tolerances, and who is odd."""
+    """Text of the priors: spread of the machines over the tolerances, outliers, and causes."""
     known = [p for p in document["parameters"] if p["machines_worth"] >= 1.0]
     ratio = sorted(p["spread"] / p["tolerance"] for p in known)
     odd: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""What a demonstration hid in its machine, beside what the cell found of it."""
+"""Table of the causes that a demonstration hid in its machine, with the values found."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _SHOWN = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
 
 
 def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
-    """A line a value that was hidden: its truth, what was found and its 95 % interval.
+    """Table with a line per hidden value: true value, found value and its 95 % interval.
 
     Args:
-        machine: the truth.
-        extended: file of the calibration that was extended by what was found.
+        machine: simulated machine with the true values.
+        extended: file of the calibration that was extended by the effects found.
     """
     data = read_document(extended, lambda _: load_schema("calibration"))
     found = {

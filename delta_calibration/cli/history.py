@@ -1,4 +1,4 @@
-"""`delta-cal history`: sessions of a machine kept together, and what changed between them."""
+"""`delta-cal history`: keep the sessions of a machine, and report changes between them."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from delta_calibration.report.history import page_of_history
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import mm, plain
 
-if TYPE_CHECKING:  # other verbs do not wait for a database's library
+if TYPE_CHECKING:  # other verbs need not load a database's library
     from delta_calibration.history.store import Store
 
 _FILE = click.Path(path_type=Path)
@@ -137,7 +137,7 @@ def _made(
     known: bool,
     update: bool,
 ) -> Found:
-    """What is made of a session: by itself, or told of others where it has few places."""
+    """Calibration and verdict of a session: alone, or with the history if it has few places."""
     from delta_calibration.history.few import is_few
 
     return told(seen) if update or (is_few(seen) and not known) else alone(seen)
@@ -153,7 +153,7 @@ def _add(
     topics: tuple[str, ...],
     make: Callable[[Survey], Found],
 ) -> None:
-    """Add one session, or note where it is now."""
+    """Add one session, or store the new path of one that the history has already."""
     from delta_calibration.history.adding import entry_of
     from delta_calibration.history.bags import at_hand, bag_hash
 
@@ -275,7 +275,7 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 
 
 def _changes(machine: str, url: str) -> History:
-    """What changed, from the bags of the history."""
+    """Changes of a machine, found by reading the bags of its history again."""
     with opened(url) as store:
         robot = robot_kept(store, machine)
         entries = store.sessions(machine)

@@ -1,4 +1,4 @@
-"""`delta-cal import`: anyone's table becomes a session."""
+"""`delta-cal import`: convert a user's table into a session."""
 
 from __future__ import annotations
 
@@ -190,7 +190,7 @@ def _other(
 def _second(
     file: Path | None, preset: str | None, by: str | None, within: float, shift: float
 ) -> Other | None:
-    """The second table of a guess."""
+    """Second table for --guess, if one is given."""
     if preset is not None:
         raise InputError("--join-preset goes with --preset; --guess finds the second table's form")
     return None if file is None else Other(file, "", by or "", within, shift)
@@ -199,10 +199,10 @@ def _second(
 def _proposed(
     guess: Guess, table: Path, mapping: TableMapping, robot: Robot, *, to_write: bool
 ) -> Mapping[str, Any]:
-    """The mapping, once it was shown; with what an import by it would say, if it is in doubt.
+    """Print a proposed mapping and return it; if in doubt, print an import's notes as well.
 
     Raises:
-        DataError: a session is to be written, and something is in doubt.
+        DataError: a session is to be written, and the mapping is in doubt.
     """
     for text in guess.sure:
         click.echo(text)
@@ -225,7 +225,7 @@ def _proposed(
 
 
 def _objections(table: Path, mapping: TableMapping, robot: Robot) -> tuple[str, ...]:
-    """What an import by a mapping would refuse or note."""
+    """Notes of an import by a mapping, or the error by which it refuses the table."""
     try:
         return session_of_table(table, mapping, robot).notes
     except CalibrationError as error:
@@ -233,7 +233,7 @@ def _objections(table: Path, mapping: TableMapping, robot: Robot) -> tuple[str, 
 
 
 def _tell_of_mapping(path: Path, out: Path | None, mapping_out: Path | None) -> None:
-    """Where it was written; what it is, where neither it nor a session is."""
+    """Print where the mapping was written, or the mapping itself if nothing is to be written."""
     if mapping_out is not None:
         click.echo(f"written: {path}")
     elif out is None:
@@ -242,7 +242,7 @@ def _tell_of_mapping(path: Path, out: Path | None, mapping_out: Path | None) -> 
 
 
 def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:
-    """The session of a table by its mapping."""
+    """Write the session of a table by its mapping."""
     session = session_of_table(table, read_mapping(mapping_file, robot), robot)
     tracker = session.tracker
     measured = 0 if tracker is None else len(tracker.stamp_ns)

@@ -1,4 +1,4 @@
-"""`delta-cal info`: what a session holds."""
+"""`delta-cal info`: show the contents of a session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What verbs ask of a history: its store, the machine's robot, its sessions read again."""
+"""Access of verbs to a history: its store, a machine's robot, and its sessions read again."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from delta_calibration.cli.options import Function, progress
 from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot, load_robot
 
-if TYPE_CHECKING:  # other verbs do not wait for a history's libraries
+if TYPE_CHECKING:  # other verbs need not load a history's libraries
     from delta_calibration.history import Dated
     from delta_calibration.history.store import Entry, Store
 
@@ -19,7 +19,7 @@ STORE = "history.sqlite"
 
 
 def store_option(function: Function) -> Function:
-    """`--store`: where a history is."""
+    """`--store`: file or database of a history."""
     return click.option(
         "--store",
         "url",
@@ -31,10 +31,10 @@ def store_option(function: Function) -> Function:
 
 
 def known_machine_option(what: str) -> Callable[[Function], Function]:
-    """`--machine` of a verb that goes without a history as well.
+    """`--machine` of a verb that also works without a history.
 
     Args:
-        what: is done with its history, in words.
+        what: end of the help text, which says what the history is used for.
     """
     return click.option(
         "--machine",
@@ -48,7 +48,7 @@ def robot_kept(store: Store, machine: str) -> Robot:
     """The robot of a machine, by the file that it was added with.
 
     Raises:
-        InputError: no such machine, or the file is not what it was.
+        InputError: no such machine, or the robot in the file has changed.
     """
     given, digest = store.robot_of(machine)
     robot = load_robot(given)
@@ -87,7 +87,7 @@ def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
 
 
 def sessions_of(machine: str, robot: Robot, url: str) -> list[Dated]:
-    """The sessions of a machine, read again."""
+    """Read the sessions of a machine again."""
     from delta_calibration.history.opening import opened
 
     with opened(url) as store:
@@ -96,14 +96,14 @@ def sessions_of(machine: str, robot: Robot, url: str) -> list[Dated]:
 
 
 class Reread:
-    """Reads sessions of a machine again, each once: a bag may be far away."""
+    """Reads sessions of a machine again, each only once, because a bag may be remote."""
 
     def __init__(self) -> None:
-        """Begin with nothing read."""
+        """Start with no session read."""
         self._read: dict[str, Dated] = {}
 
     def __call__(self, entries: Sequence[Entry], robot: Robot) -> list[Dated]:
-        """Sessions, each with the effects that its calibration has."""
+        """Sessions of the entries, each with the effects in its calibration."""
         from delta_calibration.history import adding
 
         new = [entry for entry in entries if entry.sha256 not in self._read]

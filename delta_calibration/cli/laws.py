@@ -1,4 +1,4 @@
-"""Generate the code of all laws of the package anew: `make laws`."""
+"""Generate the code of all laws of the package again: `make laws`."""
 
 from __future__ import annotations
 

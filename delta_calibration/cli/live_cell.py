@@ -1,4 +1,4 @@
-"""The cell of the demonstration: its nodes as processes, and what they measured part by part."""
+"""Live cell of the demonstration: its nodes as processes, and the stops of each measured part."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from delta_calibration.robot import Robot
 RATE = 50.0  # [1/s] of commands, states and tracker
 RADIUS = 0.45  # [m] of the disc
 STOPS = {"identify": 48, "line": 37, "disc": 24}
-_RAMP = 0.2  # [s] over which corrections come in: before the first stop is reached
+_RAMP = 0.2  # [s] over which corrections are ramped in: short enough to end before the first stop
 _DWELL = 0.25  # [s]
-_NEAR = 0.6 * APPROACH  # [rad of a Delta] of a target; a way in turns round farther off
+_NEAR = 0.6 * APPROACH  # [rad of a Delta] to a target; the approach turns back farther away
 _TIMEOUT = 200.0  # [s] of one plan
 
 Say = Callable[[str], None]
 
 
 class LiveCell:
-    """Recorder, simulated machine and calibration node, running; a context manager."""
+    """Runs recorder, simulated machine and calibration node; a context manager."""
 
     def __init__(
         self,
@@ -69,7 +69,7 @@ class LiveCell:
         self._children.__exit__(*error)
 
     def measure(self, part: str, plan: str, both_sides: bool) -> None:
-        """Take the machine through a plan; its stops are found under the name of the part."""
+        """Run a plan on the machine; `part` is the name by which `part_of` finds its stops."""
         self.begun[part] = time.time_ns()
         self._children.plan(
             {
@@ -87,13 +87,13 @@ class LiveCell:
         )
 
     def order(self, service: str, value: bool | None = None) -> str:
-        """Call a service of the calibration node; its answer's message."""
+        """Call a service of the calibration node and return the message of its answer."""
         return self._children.call(f"/calibration_node/{service}", value)
 
 
 def part_of(poses: Poses, begun: dict[str, int], part: str) -> Poses:
-    """The stops from the begin of one part to the begin of the next."""
-    # By when a stop began: the last of a part lasts into the next, while its plan starts up.
+    """Stops that began between the start of one part and the start of the next."""
+    # The begin of a stop counts: the last one of a part lasts until the next plan has started.
     stamp = poses.start_ns + (poses.time - poses.count / (2 * RATE)) * 1e9
     end = min((other for other in begun.values() if other > begun[part]), default=np.inf)
     keep = np.flatnonzero((stamp >= begun[part]) & (stamp < end))
@@ -103,18 +103,18 @@ def part_of(poses: Poses, begun: dict[str, int], part: str) -> Poses:
 
 
 def at_targets(poses: Poses, plan: Plan, sides: int = 1, joint_size: float = 1.0) -> Poses:
-    """One stop a side for each target: what stands still elsewhere (the way in) is left out.
+    """Stops at the targets, one per side and target; rests elsewhere (the approach) are left out.
 
-    `joint_size` is how many of the joints' unit do what one radian does on a Delta.
+    `joint_size` is the joint motion, in the joints' unit, that corresponds to 1 rad of a Delta.
     """
-    # Uncompensated or compensated, the joints are nearer to the plan's than any way in is. Where
-    # a busy machine lost a stop, the way in would be the next best.
+    # With or without compensation, a stop is nearer to the plan's joints than its approach is. If
+    # a busy machine lost a stop, the approach would be the nearest: `_NEAR` excludes it.
     distance = np.abs(poses.joint[:, None] - plan.joint).max(axis=-1)
     rows = np.unique(np.argsort(distance, axis=0)[:sides])
     return poses.take(rows[distance[rows].min(axis=1) < _NEAR * joint_size])
 
 
 def clock() -> Say:
-    """Says lines with the time since now."""
+    """Return a function that prints lines with the time elapsed since this call."""
     begin = time.monotonic()
     return lambda text: click.echo(f"[{time.monotonic() - begin:5.1f} s] {text}")

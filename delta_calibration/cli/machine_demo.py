@@ -1,7 +1,7 @@
 """The demonstration for machines other than the paper's Delta: in one process, against the truth.
 
-Measured, fitted, compensated and measured again; then with something hidden in it that is a
-machine's of this kind, which is found, named and compensated as well.
+The machine is measured, fitted, compensated and measured again; then once more with a hidden cause
+that is typical of this kind of machine, which is found, named and compensated as well.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _STOPS = 40  # of the first measurement
 _TRIED = 40  # places of the trial
 _CIRCLE = "circle_2.5_s"
 _RATE = 50.0  # [1/s]
-_EACH = 5  # of the circle's samples
+_EACH = 5  # every fifth sample of the circle is used
 _FEWEST = 8
 _HEAD = ("error against the truth", "max [mm]", "mean [mm]", "3 std [mm]")
 _TURN = "turn, mean [mrad]"
@@ -63,7 +63,7 @@ _TURN = "turn, mean [mrad]"
 def machine_demo(
     robot: Robot, called: str, out: Path, seed: int, method: str, say: Say
 ) -> dict[str, object]:
-    """Both acts; prints, writes into `out`, and returns the figures.
+    """Run both acts; prints, writes into `out`, and returns the figures.
 
     `called` is the robot's name or file, as it was given.
     """
@@ -88,7 +88,7 @@ def machine_demo(
 def _first_act(
     robot: Robot, out: Path, seed: int, method: str, trial: Conditions, say: Say
 ) -> dict[str, object]:
-    """Geometry: measured, fitted, compensated."""
+    """First act: measure, fit and compensate the geometry."""
     machine = draw_machine(robot, seed)
     _measure(machine, make_plan("identify", robot, count=_STOPS, seed=seed), seed, out, "session")
     say("fitting")
@@ -108,7 +108,7 @@ def _first_act(
 def _second_act(
     robot: Robot, out: Path, seed: int, method: str, trial: Conditions, say: Say
 ) -> dict[str, object]:
-    """An effect of its own: found, named, compensated."""
+    """Second act: hide an effect of this kind of machine, then find and compensate it."""
     cause, shown = _shown(robot)
     say(f"second act: {cause} hidden in the machine")
     options = effect_options(f"{cause}:strength={shown.strength:g}")
@@ -144,7 +144,7 @@ def _second_act(
 
 
 def _shown(robot: Robot) -> tuple[str, Demo]:
-    """The cause to hide in this robot, and how it is shown.
+    """Cause to hide in this robot, and the settings of its demonstration.
 
     Raises:
         DataError: no effect that the robot can have has a demonstration.
@@ -157,7 +157,7 @@ def _shown(robot: Robot) -> tuple[str, Demo]:
 
 
 class _Trial:
-    """A machine at the moments of the trial, told the nominal commands and the corrected ones."""
+    """Errors of a machine at the moments of the trial, by nominal and by corrected commands."""
 
     def __init__(self, name: str, before: tuple[Array, Array], after: tuple[Array, Array]) -> None:
         self._name, self._before, self._after = name, before, after
@@ -172,10 +172,10 @@ class _Trial:
         at: Conditions,
         inside: NDArray[np.bool_],
     ) -> _Trial:
-        """By a calibration, at the moments that are taken (n,).
+        """Evaluate a calibration at the moments of the trial that the mask `inside` (n,) selects.
 
         Raises:
-            DataError: hardly any moment lies within the calibrated region.
+            DataError: too few moments lie within the calibrated region.
         """
         done = JointCompensator(calibration, method).compensate(at.joint, at)
         if inside.sum() < _FEWEST:
@@ -193,15 +193,15 @@ class _Trial:
         )
 
     def before(self) -> tuple[str, ...]:
-        """The row without compensation."""
+        """Row of the table without compensation."""
         return _row("not compensated, best-fit frame", *self._before)
 
     def after(self) -> tuple[str, ...]:
-        """The row with it."""
+        """Row of the table with compensation."""
         return _row(self._name, *self._after)
 
     def figures(self) -> dict[str, object]:
-        """For files."""
+        """Errors before and after, as data for files."""
         parts = {"before": self._before, "after": self._after}
         return {
             when: {**Errors.of(far).in_mm(), "mean_turn_mrad": float(turn.mean() * 1e3)}
@@ -210,14 +210,14 @@ class _Trial:
 
 
 def _inside(calibration: Calibration, method: str, at: Conditions) -> NDArray[np.bool_]:
-    """Moments at which a calibration corrects in full, (n,)."""
+    """Mask (n,) of the moments at which a calibration corrects in full."""
     done = JointCompensator(calibration, method).compensate(at.joint, at)
     inside = np.isfinite(done.model_error)
     return inside if done.share is None else inside & (done.share == 1.0)
 
 
 def _told(robot: Robot, rows: Rows) -> str:
-    """Rows as a table, the turn's column where the joints command a turn."""
+    """Rows as a table, with the rotation error if the joints command a rotation."""
     if max(robot.commanded.freedoms) >= 3:
         return table((*_HEAD, _TURN), rows) + (
             "\nthe positions of one reflector do not show the rotation of a tool on its flange "
@@ -233,7 +233,7 @@ def _row(name: str, far: Array, turn: Array) -> tuple[str, ...]:
 
 
 def _measure(machine: TrueMachine, plan: Plan, seed: int, out: Path, name: str) -> None:
-    """Take the machine through a plan, recorded."""
+    """Run a plan on the machine and record the session."""
     total = len(plan) + 2 * len(plan.paths)
     session = simulate_session(
         machine, plan, seed, source=name, follow=lambda way: progress(way, total, "stop")
@@ -244,7 +244,7 @@ def _measure(machine: TrueMachine, plan: Plan, seed: int, out: Path, name: str) 
 
 
 def _moments(robot: Robot, seed: int) -> Conditions:
-    """Stops at places of their own and moments of a fast circle, as they are commanded."""
+    """Commanded conditions of the trial: stops at new places, and moments of a fast circle."""
     circle = tuple(path for path in motion_paths(robot) if path.name == _CIRCLE)
     plan = make_plan("identify", robot, count=_TRIED, both_sides=False, dwell=0.2, seed=seed)
     ways = list(legs(replace(plan, paths=circle), robot, _RATE))

@@ -51,7 +51,7 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 
 
 class Verbs(click.Group):
-    """Loads a verb when it is called: `info` does not wait for what `fit` needs."""
+    """Loads a verb only when it is called: `info` need not load the libraries of `fit`."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the verbs, in the order of use."""
@@ -68,17 +68,17 @@ class Verbs(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """The verb that is called; the nearest one is named where there is none."""
+        """Find the verb that is called; if there is none, the error names the most similar one."""
         if args[0] not in VERBS and (near := get_close_matches(args[0], VERBS, 1)):
             ctx.fail(f"No such command {args[0]!r}. Did you mean {near[0]!r}?")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The verbs by purpose, an example of each."""
+        """Write the verbs by purpose, with an example of each."""
         write_verbs(formatter, VERBS)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Verbs that begin so, without loading them."""
+        """Verbs that begin with the typed text, without loading them."""
         verbs = [verb for verb in VERBS if verb.startswith(incomplete)]
         options = click.Command.shell_complete(self, ctx, incomplete)
         return [*(CompletionItem(verb, help=TOLD[verb].about) for verb in verbs), *options]
@@ -106,12 +106,12 @@ def group() -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the console script; leaves the process."""
+    """Entry point of the console script; exits the process."""
     sys.exit(run(arguments))
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run a verb; the exit code."""
+    """Run a verb and return the exit code."""
     try:
         result = group.main(
             args=None if arguments is None else list(arguments),
@@ -128,7 +128,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except CalibrationError as error:
         click.echo(f"delta-cal: {error}", err=True)
         return error.exit_code
-    except BrokenPipeError:  # the reader of a pipe has gone; nothing is wrong here
+    except BrokenPipeError:  # the reader of the pipe has ended, which is no error here
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""A report of a session that has been read and diagnosed."""
+"""Make the report of a session that has been read and diagnosed."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ def report_on(
     cycles: tuple[Path, Session] | None = None,
     mistakes: Sequence[Mistake] = (),
 ) -> Report:
-    """The report of a diagnosed session, ISO 9283 within where its cycles were recorded.
+    """Report of a diagnosed session, with ISO 9283 if its cycles were recorded.
 
     Args:
         path: of the session, for its hash.
         session: what was read from it.
         found: its diagnosis.
-        robot: drawing, tolerances, tracker.
+        robot: nominal dimensions, tolerances, tracker.
         seed: of the diagnosis.
         calibration: in force while it was recorded, if one was.
-        cycles: another session, with the standard's cycles; the same one where not given.
-        mistakes: found in the session; the page tells them first.
+        cycles: another session with the standard's cycles; `session` if not given.
+        mistakes: found in the session; the page states them first.
 
     Raises:
         RecordingError: a file of the session cannot be read.
@@ -58,7 +58,7 @@ def report_on(
 
 
 def _standard(session: Session, robot: Robot, calibration: Calibration | None) -> IsoReport | str:
-    """The standard's criteria by its own cycles, else by the paper's; or why there are none."""
+    """ISO 9283 criteria by the standard's cycles, else by the paper's, or the reason for none."""
     names = robot.joints.names
     size = robot.commanded.joint_size
     poses, readings = collect(session, names, size), match(session, names, size)

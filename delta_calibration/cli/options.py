@@ -1,4 +1,4 @@
-"""What several verbs share: options, and figures as people read them."""
+"""Shared by several verbs: options, formatting of tables and durations, and writing of files."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 
 def robots(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """What `--robot` may go on with: a name, or a file."""
+    """Shell completion of `--robot`: names of robots, or else files."""
     names = [CompletionItem(name) for name in known_robots() if name.startswith(begun)]
-    return names or [CompletionItem(begun, type="file")]  # a file would drop the names
+    return names or [CompletionItem(begun, type="file")]  # an item for files would suppress names
 
 
 SESSION = click.argument("session", type=click.Path(path_type=Path))
@@ -87,7 +87,7 @@ def model_option(function: Function) -> Function:
 
 
 def in_force_option(function: Function) -> Function:
-    """`--calibration` that is the baseline."""
+    """`--calibration` that was in force during the session, as the baseline."""
     return click.option(
         "--calibration",
         "in_force",
@@ -121,8 +121,8 @@ def numbers_option(function: Function) -> Function:
 
 
 def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
-    """A bar with the time left, on work over a second; none where stderr is no terminal."""
-    from tqdm import tqdm  # a verb that has no long work does not wait for it
+    """Progress bar with the time left, shown after one second if stderr is a terminal."""
+    from tqdm import tqdm  # imported late: verbs without long work do not need it
 
     bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
     return bar
@@ -130,7 +130,7 @@ def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
 
 @contextmanager
 def counter(most: int, unit: str) -> Iterator[Callable[[int], object]]:
-    """The same for work that tells of itself how many units it has just done.
+    """Progress bar for work that reports by a callback how many units it has just done.
 
     No bar where `most` is 0.
     """
@@ -144,7 +144,7 @@ def counter(most: int, unit: str) -> Iterator[Callable[[int], object]]:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> str:
-    """Rows with aligned columns, the first `left` ones to the left, the others to the right."""
+    """Table as text; the first `left` columns are aligned left, the others right."""
     lines = [tuple(head), *(tuple(row) for row in rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
     return "\n".join(
@@ -157,7 +157,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], left: int = 1) -> 
 
 
 def duration(seconds: float) -> str:
-    """`2 h 05 min`, `3 min 20 s`, `12.5 s`."""
+    """Duration as text, such as `2 h 05 min`, `3 min 20 s` or `12.5 s`."""
     minutes, rest = divmod(seconds, 60)
     if minutes >= 60:
         return f"{int(minutes // 60)} h {int(minutes % 60):02d} min"
@@ -184,7 +184,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def calibration_option(said: str, required: bool = False) -> Callable[[Function], Function]:
-    """`--calibration`, a file, handed on as `calibration_file`; `said` is its help."""
+    """`--calibration`, a file, passed as `calibration_file`; `said` is its help text."""
     return click.option(
         "--calibration",
         "calibration_file",
@@ -199,7 +199,7 @@ def write_or_print(out: Path | None, text: str) -> None:
     """Write a text to the file that was asked for, or print it.
 
     Raises:
-        InputError: the file cannot be written, or its folder is not there.
+        InputError: the file cannot be written, or its folder does not exist.
     """
     if out is None:
         click.echo(text, nl=False)
@@ -219,7 +219,7 @@ def force_option(function: Function) -> Function:
 
 
 def require_folder(path: Path, folder: bool = False) -> None:
-    """Refuse an output whose folder is not there, before any work is done.
+    """Refuse an output whose folder does not exist, before any work is done.
 
     Args:
         path: of the output.

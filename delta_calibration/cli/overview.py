@@ -1,4 +1,4 @@
-"""What `delta-cal --help` shows: the verbs by purpose, an example of each."""
+"""Overview shown by `delta-cal --help`: the verbs by purpose, with an example of each."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import click
 
 
 class Verb(NamedTuple):
-    """What the overview tells of a verb; told here, so that it need not load what the verb needs.
+    """Text on a verb in the overview; kept here, so that the verb's module need not be loaded.
 
     Attributes:
-        about: what it is for.
-        example: arguments of a call.
+        about: purpose of the verb.
+        example: arguments of an example call.
     """
 
     about: str
@@ -144,7 +144,7 @@ TOLD: Mapping[str, Verb] = {
 
 
 def write_verbs(formatter: click.HelpFormatter, verbs: Sequence[str]) -> None:
-    """The verbs under their purposes, an example of each."""
+    """Write the verbs under their purposes, with an example of each."""
     for purpose, every in PURPOSES.items():
         here = {verb: told for verb, told in every.items() if verb in verbs}
         if here:

@@ -43,7 +43,7 @@ from delta_calibration.plans.renewal import UPDATE_PLACES, Renewal, renewal_plan
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot
 
-_STOPS = 20  # of --separate, where --count is not given
+_STOPS = 20  # of --separate, if --count is not given
 
 
 @click.command("plan")
@@ -182,7 +182,7 @@ def command(
 
 
 def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
-    """How good the stops are, for people."""
+    """Text on the quality of the selected stops."""
     seen = best.observability
     return "\n".join(
         [
@@ -198,7 +198,7 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
 
 
 def describe_renewal(renewal: Renewal, known: Prospect, robot: Robot) -> str:
-    """What the stops add to, and how well the machine is known after them, for people."""
+    """Text on the sessions that the stops extend, and how well the machine is then known."""
     names = known.carried.sessions
     return "\n".join(
         [
@@ -212,14 +212,14 @@ def describe_renewal(renewal: Renewal, known: Prospect, robot: Robot) -> str:
 
 
 def _kept_to(robot: Robot) -> str:
-    """Where the poses were chosen from."""
+    """Limits within which the poses were selected, in words."""
     if robot.workspace is None:
         return "poses stay within the joint limits, in the assembly mode of the home pose"
     return "poses stay within the workspace and rotations of the robot file, the joint limits"
 
 
 def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | None) -> str:
-    """What the plan achieves and what it varies, for people."""
+    """Text on how well the plan separates the causes, and what it varies."""
     plan = parting.plan
     before = f"{len(plan)} plain stops" if session is None else session.name
     after = "this plan" if session is None else "with this plan"
@@ -241,7 +241,7 @@ def describe_parting(parting: Parting, causes: tuple[str, str], session: Path | 
 
 
 def _varied(plan: Plan) -> Iterator[str]:
-    """Sides, loads and paths, where there is a choice."""
+    """Lines on sides, loads and paths, as far as the plan varies them."""
     sides, stops = np.unique(plan.direction, return_counts=True)
     if len(sides) > 1:
         yield f"approached from both sides: {stops[1]} stops forward, {stops[0]} backward"
@@ -254,7 +254,7 @@ def _varied(plan: Plan) -> Iterator[str]:
 
 
 def _timed(levels: tuple[StopConditions, ...]) -> Iterator[str]:
-    """When to take which stops, where warmth or the clock matter."""
+    """Lines on when to measure which stops, if temperature or time matter."""
     if len({level.slot for level in levels}) < 2:
         return
     yield "in this order, over an hour of warming up by 10 K and an hour of cooling:"

@@ -1,4 +1,4 @@
-"""`delta-cal printer`: a Delta printer by the measurements that its firmware has kept."""
+"""`delta-cal printer`: identify a Delta printer from measurements saved by its firmware."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -
 
 
 def _observations(given: PrinterFile, noise: float) -> list[Touched]:
-    """Kinds of which there are any."""
+    """Heights and distances, each kind only if there are any."""
     every: tuple[Touched, ...] = (
         HeightAtContact(given.at_height, given.height, noise),
         DistanceBetween(given.one, given.other, given.distance, noise),
@@ -90,7 +90,7 @@ def _observations(given: PrinterFile, noise: float) -> list[Touched]:
 
 
 def _as_given(given: PrinterFile, machine: LinearDelta) -> PlacedMachine:
-    """What the firmware works with."""
+    """Machine with the dimensions that are configured in the firmware."""
     lean = np.sqrt(given.arm**2 - given.radius**2)
     dimensions = [given.radius, *given.angle, *(given.endstop + lean), *given.arm]
     return PlacedMachine.of(machine, np.array(dimensions), Frame.identity())
@@ -110,7 +110,7 @@ def _errors(seen: list[Touched], now: PlacedMachine, found: MixedFit, unseen: li
 
 
 def _dimensions(now: PlacedMachine, found: MixedFit) -> str:
-    """As firmware has them: radius, angles, endstops and arms."""
+    """Table of the dimensions as in the firmware: radius, angles, endstops and arms."""
     free = [found.machine.chain.mechanism.parameters.row(name) for name in found.names]
     covariance = np.zeros((10, 10))
     covariance[np.ix_(free, free)] = found.covariance
@@ -130,7 +130,7 @@ def _dimensions(now: PlacedMachine, found: MixedFit) -> str:
 
 
 def _entries(g: Array) -> str:
-    """Sections of a printer.cfg with what was identified."""
+    """Sections of a printer.cfg with the identified dimensions."""
     values = [_shown(v, unit) for v, (_, unit) in zip(_configured(g), _names(), strict=True)]
     lines = ["[printer]", f"delta_radius: {values[0]:.6f}"]
     for i, tower in enumerate(TOWERS):
@@ -141,12 +141,12 @@ def _entries(g: Array) -> str:
 
 
 def _configured(g: Array) -> Array:
-    """Endstops as the firmware counts them, in the place of the carriages' heights, (10,)."""
+    """Dimensions (10,) with the firmware's endstops instead of the heights of the carriages."""
     return np.concatenate([g[:4], endstops(g), g[7:]])
 
 
 def _names() -> list[tuple[str, str]]:
-    """Entry and unit."""
+    """Name and unit of each dimension, in the order of `_configured`."""
     own = (("angle", "deg"), ("position_endstop", "mm"), ("arm_length", "mm"))
     each = [(f"stepper_{tower} {name}", unit) for name, unit in own for tower in TOWERS]
     return [("printer delta_radius", "mm"), *each]

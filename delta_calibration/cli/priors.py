@@ -1,4 +1,4 @@
-"""`--priors`: what a fleet says of the next machine of its type."""
+"""`--priors`: priors from a fleet for the next machine of its type."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-if TYPE_CHECKING:  # what goes without priors does not wait for a fleet's code
+if TYPE_CHECKING:  # work without priors need not load a fleet's code
     from delta_calibration.estimation import Population
     from delta_calibration.robot import Robot
 
@@ -25,7 +25,7 @@ def population_in(file: Path | None, robot: Robot, model: str | None) -> Populat
     """The population of a file of priors; None without a file.
 
     Raises:
-        ConfigError: no file of priors, or one of another robot or model.
+        ConfigError: not a file of priors, or one of another robot or model.
     """
     if file is None:
         return None

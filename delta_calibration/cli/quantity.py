@@ -11,8 +11,8 @@ import click
 class Quantity(click.FloatRange):
     """A number between two finite bounds.
 
-    The one type of every option that is a number with a unit: a comparison with `nan` is false, so
-    that a range alone lets it pass, and what is finite but absurd would overflow when squared.
+    Every option that is a number with a unit has this type. A range alone accepts `nan`, because
+    comparisons with it are false, and an absurdly large number would overflow when squared.
     """
 
     name = "number"
@@ -22,7 +22,7 @@ class Quantity(click.FloatRange):
         super().__init__(min=least, max=most, min_open=above)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        """The number.
+        """Convert the text to a number.
 
         Raises:
             click.BadParameter: no number, not finite, or out of range; says what is allowed.
@@ -40,13 +40,13 @@ class OfPart(click.ParamType):  # type: ignore[type-arg]
     name = "part"
 
     def __init__(self, quantity: Quantity, example: str) -> None:
-        """From what the number is, and an example for who gets the form wrong."""
+        """From the quantity, and an example of the form for the error message."""
         self._quantity, self._example = quantity, example
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, float]:
-        """Part and number.
+        """Convert the text to part and number.
 
         Raises:
             click.BadParameter: of another form, or a number that is not allowed.

@@ -1,4 +1,4 @@
-"""`delta-cal recover`: a recording that was cut off, as one that every reader opens."""
+"""`delta-cal recover`: rewrite a cut-off recording as one that every reader opens."""
 
 from __future__ import annotations
 

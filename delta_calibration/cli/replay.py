@@ -1,4 +1,4 @@
-"""`delta-cal replay`: a session onto its topics."""
+"""`delta-cal replay`: play a session on its topics."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def command(session: Path, rate: float, loop: bool, start: float) -> None:
         raise InputError(
             "replay needs ROS 2 (rclpy), which this Python does not have; see the README"
         )
-    inspect_session(session)  # refuse what cannot be read before a node is started
+    inspect_session(session)  # refuse an unreadable session before a node is started
     parameters = {"session": str(session), "rate": rate, "loop": str(loop).lower(), "start": start}
     arguments = [part for name, value in parameters.items() for part in ("-p", f"{name}:={value}")]
     node = [sys.executable, "-m", "delta_calibration.ros.session_player", "--ros-args", *arguments]
@@ -52,7 +52,7 @@ def command(session: Path, rate: float, loop: bool, start: float) -> None:
         try:
             code = child.wait()
             break
-        except KeyboardInterrupt:  # the terminal has told the node as well; let it end in order
+        except KeyboardInterrupt:  # the node has received Ctrl-C as well; wait until it ends
             continue
     if code != 0:
         raise SystemExit(code if code > 0 else 1)

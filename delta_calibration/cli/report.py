@@ -1,4 +1,4 @@
-"""`delta-cal report`: the page that an engineer signs."""
+"""`delta-cal report`: write the page that an engineer signs."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def command(
 
 
 def write(made: Report, out: Path | None, figures: Path | None, numbers: Path | None) -> None:
-    """Write what was asked for, and say so."""
+    """Write the outputs that were asked for, and print their names."""
     if out is not None:
         write_page(out, made)
         click.echo(f"written: {out}")

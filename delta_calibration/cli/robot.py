@@ -1,4 +1,4 @@
-"""`delta-cal robot`: robot files written by questions, looked over, drawn."""
+"""`delta-cal robot`: write a robot file by questions, check it, draw it."""
 
 from __future__ import annotations
 
@@ -39,10 +39,10 @@ PER_JOINT = {  # lists that have a value for each joint
 }
 _NAMES = ("joints", "names")
 _WORKSPACE = ("workspace", "centre_mm")
-_TRIES = 5  # answers to a question, after which nobody seems to read what is wrong with them
+_TRIES = 5  # refused answers to a question, after which nobody seems to read the errors
 _Answer = TypeVar("_Answer")
-_RATIO = {"mm": 100.0, "degrees": 40.0}  # of metres beside mm, and radians beside degrees
-_GROWN = 1.25  # that a dimension is drawn with beside what the file says
+_RATIO = {"mm": 100.0, "degrees": 40.0}  # from which a value may be in metres, or radians
+_GROWN = 1.25  # factor by which a drawing enlarges a dimension
 
 
 class UnansweredError(InputError):
@@ -203,7 +203,7 @@ def _document(robot_file: str) -> dict[str, Any]:
 
 
 def _begun(mechanism: str | None, model: str | None, *, ask: bool) -> dict[str, Any]:
-    """The file whose values are proposed."""
+    """Robot file whose values are proposed, as a document."""
     if model is not None:
         return _document(model)
     if mechanism is None:
@@ -217,10 +217,10 @@ def _begun(mechanism: str | None, model: str | None, *, ask: bool) -> dict[str, 
 
 
 def _mechanism(said: str) -> str:
-    """One of the names of mechanisms.
+    """Return the name of a mechanism if there is one of that name.
 
     Raises:
-        InputError: it is none.
+        InputError: there is no such mechanism.
     """
     if said not in MECHANISMS:
         raise InputError(f"{said!r} is not one of {', '.join(MECHANISMS)}")
@@ -228,10 +228,10 @@ def _mechanism(said: str) -> str:
 
 
 def _prompted(text: str, read: Callable[[str], _Answer], default: str = "") -> _Answer:
-    """An answer that `read` accepts, asked for a few times.
+    """Ask until `read` accepts the answer, a few times at most.
 
     Raises:
-        UnansweredError: all answers were refused, or there are none to come.
+        UnansweredError: all answers were refused, or the input has ended.
     """
     for _ in range(_TRIES):
         try:
@@ -250,7 +250,7 @@ def _prompted(text: str, read: Callable[[str], _Answer], default: str = "") -> _
 
 
 def _shown(data: dict[str, Any], source: str, folder: Path | None) -> dict[tuple[str, ...], Path]:
-    """Pictures of dimensions, by entry."""
+    """Draw the pictures of the dimensions, and return their files by entry."""
     if folder is None:
         return {}
     _make(folder)
@@ -268,7 +268,7 @@ def _make(folder: Path) -> None:
 def _answered(
     data: dict[str, Any], shown: dict[tuple[str, ...], Path], out: Path
 ) -> dict[str, Any]:
-    """The file with an answer to every question; interrupted, what was answered is written."""
+    """Ask for every entry and return the file; if interrupted, write the answers so far."""
     try:
         for entry in entries(str(data["mechanism"])):
             parts = list(parts_of(entry))
@@ -290,9 +290,9 @@ def _answered(
 
 
 def _with_room(data: dict[str, Any]) -> dict[str, Any]:
-    """The file with a workspace to propose, where its own or the usual one cannot be measured in.
+    """Propose the largest workspace if the identification plan fails in the file's own.
 
-    A machine without a box that can be, or that is not there yet, is asked without a proposal.
+    The file stays unchanged if no such box exists, or if it does not describe a robot yet.
     """
     try:
         robot = robot_from(data, str(data["name"]))
@@ -309,7 +309,7 @@ def _with_room(data: dict[str, Any]) -> dict[str, Any]:
 def _asked_one_by_one(
     entry: Entry, parts: Sequence[Entry], data: dict[str, Any]
 ) -> dict[str, Any]:
-    """The file with a list of sections: how many there are, then every entry of each."""
+    """Ask for a list of sections, first their number, then all their entries; return the file."""
     proposed = value_at(data, entry.path)
     text = f"\n{entry.about}\nnumber of {entry.path[-1]}"
     count = _prompted(text, _count, str(len(proposed)))
@@ -325,7 +325,7 @@ def _asked_one_by_one(
 
 
 def _for_links(data: dict[str, Any], count: int) -> dict[str, Any]:
-    """The file with proposals for as many joints as there are links now."""
+    """Shorten or extend the proposed lists of values per joint to `count` joints."""
     for path in (("geometry", "home_deg"), _NAMES, *sorted(PER_JOINT)):
         values = value_at(data, path)
         if values is not None:
@@ -337,10 +337,10 @@ def _for_links(data: dict[str, Any], count: int) -> dict[str, Any]:
 
 
 def _count(said: str) -> int:
-    """A whole number above zero.
+    """Convert an answer to a whole number above zero.
 
     Raises:
-        InputError: it is none.
+        InputError: it is no such number.
     """
     if not said.isdecimal() or int(said) == 0:
         raise InputError(f"{said!r} is not allowed; a whole number above 0")
@@ -350,7 +350,7 @@ def _count(said: str) -> int:
 def _asked(
     entry: Entry, data: dict[str, Any], picture: Path | None, offered: str | None = None
 ) -> dict[str, Any]:
-    """The file with what somebody says of an entry; `offered` is what leaving it out means."""
+    """Ask for one entry and return the file; the answer `offered` leaves the entry out."""
     proposed = value_at(data, entry.path)
     left_out = (offered or OFFERED.get(entry.path)) if proposed is None else None
     begun = bool(entry.within) and value_at(data, (entry.within,)) is not None
@@ -360,7 +360,7 @@ def _asked(
     about = f"\n{entry.about}" if entry.about else ""
     seen = f"\n(picture: {picture})" if picture else ""
     text = f"{about}{seen}\n{entry.name}{unit}"
-    doubted: list[str] = []  # answers that are taken if they are given once more
+    doubted: list[str] = []  # answers that are accepted if they are repeated
 
     def read(said: str) -> dict[str, Any]:
         if said == left_out:
@@ -379,7 +379,7 @@ def _asked(
 
 
 def _other_unit(unit: str, value: Any, proposed: Any) -> bool:
-    """Whether lengths or angles are as small or large beside those proposed as in another unit."""
+    """Whether lengths or angles differ from those proposed as much as by another unit."""
     if unit not in _RATIO or value is None or proposed is None:
         return False
     ours, theirs = (float(np.abs(np.asarray(v, dtype=float)).max()) for v in (value, proposed))
@@ -406,14 +406,14 @@ def _for_joints(entry: Entry, value: Any, data: dict[str, Any]) -> Any:
 
 
 def _written(value: Any) -> str:
-    """A proposed value as it would be typed."""
+    """Proposed value in the form in which it would be typed."""
     if isinstance(value, list) and not any(isinstance(item, list | dict) for item in value):
         return ", ".join(map(str, value))
     return str(value)
 
 
 def _pictures(robot: Robot, data: dict[str, Any], folder: Path) -> Iterator[tuple[Entry, Path]]:
-    """What each dimension is: the robot as it is, and with that grown by a quarter."""
+    """Draw the robot with each dimension a quarter larger, or a fifth smaller if that fails."""
     from delta_calibration.report.sketch import write_sketch
 
     for entry in entries(robot.mechanism):

@@ -1,4 +1,4 @@
-"""The second act of the demonstration: something is hidden in the machine, found and named."""
+"""Second act of the demonstration: a cause of error is hidden in the machine, found and named."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ def second_act(
 
     Args:
         robot_file: file or name, for the nodes.
-        robot: what it says.
+        robot: loaded from that file.
         out: folder of the session and the calibration.
         seed: of the machine.
         method: of compensation.
         say: tells the step.
-        draw: decides what is hidden; by the clock where not given, so that nobody knows before it
-            is said at the end.
+        draw: seed that selects the hidden cause; from the clock if not given, so that the cause is
+            unknown until it is printed at the end.
 
     Returns:
-        What came of it, as data; begin and end of what was diagnosed [ns].
+        Result as data; begin and end of the diagnosed readings [ns].
     """
     draw = time.time_ns() % 2**31 if draw is None else draw
     shown = _shown(robot)

@@ -1,4 +1,4 @@
-"""`delta-cal serve`: the bench in a browser, for who opens no terminal."""
+"""`delta-cal serve`: the bench as a web page, for users without a terminal."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def command(
         raise InputError(
             f"the page needs {error.name}: pip install 'delta_calibration[serve]'"
         ) from error
-    for number in (signal.SIGTERM, signal.SIGHUP):  # to the end, so that the work is ended too
+    for number in (signal.SIGTERM, signal.SIGHUP):  # as Ctrl-C, so that running work is ended too
         signal.signal(number, signal.default_int_handler)
     with opened(data, most * _MEGABYTE, workers, cell, store) as bench:
 

@@ -1,4 +1,4 @@
-"""`delta-cal simulate`: a session of a machine that is not built as drawn."""
+"""`delta-cal simulate`: record a session of a simulated machine with errors."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ An unknown cause or location is refused with a list of those the robot has.
 
 
 def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
-    """What `--effect` may go on with, for the robot that is named before it."""
+    """Shell completion of `--effect`: causes of the robot that is named before it."""
     robot = load_robot(context.params.get("robot_file") or "srbd")
     chain = draw_machine(robot, seed=0).chain
     return [name for name in hideable_causes(robot, chain) if name.startswith(begun)]
@@ -199,7 +199,7 @@ def command(
     if tracker is not None:
         seconds = float(tracker.stamp_ns[-1] - tracker.stamp_ns[0]) * 1e-9
         stops = f"{len(measured)} stops and {len(measured.paths)} paths"
-        # the ends of paths as well
+        # includes the rests at the ends of paths
         still = len(collect(session, robot.joints.names, robot.commanded.joint_size))
         click.echo(
             f"written: {out} ({stops}: {still} poses at rest, {len(tracker.stamp_ns)} readings, "

@@ -1,4 +1,4 @@
-"""`delta-cal sros2`: what every node of the package may do, as a policy for SROS 2."""
+"""`delta-cal sros2`: write the permissions of every node of the package as an SROS 2 policy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Options of a table of corrections: made, or loaded from where an earlier run left it."""
+"""Options of a table of corrections, which is computed, or loaded from an earlier run's file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 @dataclass(frozen=True)
 class TableOptions:
-    """What was asked for, None where it was left open."""
+    """Options of a table of corrections; None if an option is not given."""
 
     file: Path | None
     solver: str | None
@@ -52,7 +52,7 @@ class TableOptions:
             require_folder(self.file)
 
     def compensator(self, calibration: Calibration, seed: int) -> JointCompensator:
-        """One that compensates by the table, and says what it does.
+        """Compensator that uses the table; prints how its corrections are obtained.
 
         Raises:
             InputError: the file is not such a table.
@@ -77,7 +77,7 @@ class TableOptions:
         return TableSettings(self.solver or usual.solver, bound)
 
     def _loaded(self, file: Path, calibration: Calibration) -> Table:
-        """The file's table, if it is what was asked for."""
+        """Table in the file, if it has the solver and bound that were asked for."""
         table = load_table(file, calibration)
         if self.solver not in (None, table.solver):
             raise InputError(f"{file}: made by {table.solver}, not by {self.solver}")

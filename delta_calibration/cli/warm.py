@@ -1,4 +1,4 @@
-"""Compile now what is compiled on first use: the last step of `make install`."""
+"""Compile in advance the code that is compiled on first use: the last step of `make install`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def command() -> None:
 
 @cache
 def _laws() -> tuple[Law, ...]:
-    """The largest laws first, so that no process waits for one at the end."""
+    """All laws, the largest first, so that no process waits for a large one at the end."""
     made = {path.stem: path.stat().st_size for path in folder().glob("*.py")}
     return tuple(sorted(every_law(), key=lambda law: -made.get(law.name, 0)))
 

@@ -17,14 +17,14 @@ from delta_calibration.texts import read_text
 
 FILE_NAME = "metadata.yaml"
 _ROOT = "rosbag2_bagfile_information"
-_LONGEST = 4 << 20  # bytes; a recording of a thousand topics has one
-_NOTHING_NS = 2**63 - 1  # what rosbag2 gives as the start of a recording without messages
+_LONGEST = 4 << 20  # bytes of the file at most; with a thousand topics it has about 1 MiB
+_NOTHING_NS = 2**63 - 1  # start time that rosbag2 writes if there are no messages
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 
 
 @dataclass(frozen=True)
 class Qos:
-    """What a publisher offered; a player that knows it can offer the same."""
+    """Quality-of-service profile that a publisher offered, so that a player can offer the same."""
 
     reliability: str = "reliable"
     durability: str = "volatile"
@@ -62,7 +62,7 @@ class TopicEntry:
 
 @dataclass(frozen=True)
 class BagMetadata:
-    """What `metadata.yaml` says of a recording that has been read back."""
+    """Entries of `metadata.yaml` that are needed to read a recording."""
 
     files: tuple[str, ...] = ()
     compression_mode: str = ""  # "", "file" or "message"; chunk compression is MCAP's own affair
@@ -70,9 +70,9 @@ class BagMetadata:
 
 
 def read_metadata(path: Path) -> BagMetadata | None:
-    """Read `metadata.yaml`; None where it is absent, half written or not one.
+    """Read `metadata.yaml`; None if it is absent, incomplete or something else.
 
-    The messages describe themselves, so a damaged list of them stops nothing.
+    The data files describe their own messages, so a damaged `metadata.yaml` stops nothing.
     """
     try:
         content = parse_yaml(read_text(path, most=_LONGEST), str(path))
@@ -101,9 +101,9 @@ def metadata_text(
     Args:
         file: Name of the data file in the folder.
         topics: All topics with their counts.
-        span_ns: First and last time of arrival; None where nothing has arrived.
+        span_ns: First and last time of arrival [ns]; None if nothing has arrived.
         custom_data: Provenance.
-        rooted: With its root key; MCAP's own record has it without.
+        rooted: Include the root key; the copy inside an MCAP file omits it.
     """
     first, last = span_ns if span_ns else (_NOTHING_NS, _NOTHING_NS)
     count = sum(topic.count for topic in topics)
@@ -138,12 +138,12 @@ def dump_yaml(content: object) -> str:
 
 
 def replace_file(path: Path, text: str, *, on_disk: bool) -> None:
-    """Write a file so that a killed writer leaves the old one or the new one, never a half.
+    """Replace a file so that a killed writer leaves the old or the new content, never a part.
 
     Args:
         path: The file.
         text: Its new content.
-        on_disk: Wait until the disk holds it, so that this goes for a power failure too.
+        on_disk: Wait until the content is on the disk, so that this holds after a power failure.
     """
     temporary = path.with_name(path.name + ".tmp")
     with temporary.open("w", encoding="utf-8") as handle:

@@ -1,4 +1,4 @@
-"""From the raw messages of one topic to its stream, with what had to be left out said in words."""
+"""Decode the raw messages of one topic into its stream; notes say what was left out."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Readings:
 
     stamp_ns: Stamps  # (n,) [ns]
     values: Array  # (n, c)
-    frames: tuple[str, ...]  # those that occur, in order of appearance
+    frames: tuple[str, ...]  # distinct frame names, in order of appearance
     frame: NDArray[np.intp]  # (n,) index into `frames`
 
     def rows(self, index: NDArray[np.intp]) -> _Readings:
@@ -40,14 +40,14 @@ class _Readings:
 
 
 def joint_stream(raw: RawTopic, wanted: Names | None = None) -> tuple[JointStream | None, Notes]:
-    """Joint angles of one topic.
+    """Joint positions of one topic.
 
-    Messages are put into one order of joints by their names. One that lacks a joint or has no
-    angles is left out.
+    The joints of every message are sorted into one order by their names. A message that lacks a
+    joint or has no positions is left out.
 
     Args:
         raw: A JointState topic.
-        wanted: Joints to read, where the messages have them; else those that most messages have.
+        wanted: Joints to read, if any message has them all; else those that most messages have.
     """
     batches, broken = decode(raw.records, raw.type_name)
     usable = [batch for batch in batches if 0 < len(batch.names) == batch.values.shape[1]]
@@ -85,7 +85,7 @@ def tracker_stream(raw: RawTopic) -> tuple[TrackerStream | None, Notes]:
 
 
 def temperature_streams(raw: RawTopic) -> tuple[tuple[TemperatureStream, ...], Notes]:
-    """Temperatures, a stream a sensor; the frame of a message names the part it is fixed to."""
+    """Temperature streams, one per sensor; a message's frame names the part it is fixed to."""
     batches, broken = decode(raw.records, raw.type_name)
     readings, notes = _readings(raw, [_columns(batch, slice(0, 1)) for batch in batches])
     notes = (*_undecodable(raw, broken), *notes)
@@ -99,7 +99,7 @@ def temperature_streams(raw: RawTopic) -> tuple[tuple[TemperatureStream, ...], N
 
 
 def payload_stream(raw: RawTopic) -> tuple[PayloadStream | None, Notes]:
-    """Mass and centre of what the platform carries."""
+    """Mass and centre of mass of the payload on the platform."""
     batches, broken = decode(raw.records, raw.type_name)
     readings, notes = _readings(raw, [_columns(batch, slice(0, 4)) for batch in batches])
     notes = (*_undecodable(raw, broken), *notes)
@@ -112,7 +112,7 @@ def payload_stream(raw: RawTopic) -> tuple[PayloadStream | None, Notes]:
 def _readings(
     raw: RawTopic, batches: tuple[Batch, ...] | list[Batch]
 ) -> tuple[_Readings | None, Notes]:
-    """Put batches together again, leave out what isn't finite, and sort by stamp."""
+    """Merge the batches, leave out readings that are not finite, and sort by stamp."""
     if not batches:
         return None, ()
     everything = _merged(batches)
@@ -139,7 +139,7 @@ def _readings(
 
 
 def _arrivals(raw: RawTopic) -> Stamps:
-    # The file has them unsigned; a damaged one must not overflow.
+    # Times are unsigned in the file; those of a damaged file must not overflow.
     return np.array(raw.log_time_ns, np.uint64).astype(np.int64)
 
 
@@ -160,7 +160,7 @@ def _merged(batches: tuple[Batch, ...] | list[Batch]) -> _Readings:
 
 
 def _oriented(values: Array) -> NDArray[np.bool_]:
-    """Which poses (n, 7) have a quaternion."""
+    """Mask (n,) of the poses (n, 7) that have a quaternion."""
     largest = np.abs(values[:, 3:]).max(axis=1)
     oriented: NDArray[np.bool_] = np.isfinite(largest) & (largest > _LEAST_PART)
     return oriented

@@ -19,10 +19,10 @@ from delta_calibration.recording.raw import Keep, RawRecording, RawTopic
 from delta_calibration.recording.sqlite_file import SQLITE_MAGIC, read_sqlite
 
 _SUFFIXES = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
-_NAMED = 6  # recordings in a folder, in a message
-_MOST = 1 << 40  # bytes of a file
-_ALWAYS = 64 << 20  # bytes to which anything may unpack, a message among it
-_MOST_RATIO = 200  # times its size, to which a file may; joint states unpack to 10 times
+_NAMED = 6  # recordings of a folder that a message lists at most
+_MOST = 1 << 40  # bytes of a file at most
+_ALWAYS = 64 << 20  # bytes to which any file or message may unpack, however small it is
+_MOST_RATIO = 200  # a file may unpack to this many times its size; joint states reach 10 times
 _MOST_UNPACKED = 2 << 30  # bytes: it is held in memory
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
@@ -79,7 +79,7 @@ def load_raw(path: Path, keep: Keep) -> tuple[RawRecording, SessionFiles]:
         except RecordingError as error:
             if len(files.data) == 1:
                 raise
-            # One bad file of several, as a crash right after a split leaves it, costs only itself.
+            # A crash right after a split leaves one bad file; the others are still read.
             recording.complete = False
             recording.notes.append(f"{error}: its data is lost")
     if files.compression_mode == "message":
@@ -89,7 +89,7 @@ def load_raw(path: Path, keep: Keep) -> tuple[RawRecording, SessionFiles]:
 
 
 def open_data(path: Path) -> BinaryIO:
-    """Open a data file; one that was compressed as a whole is unpacked in memory."""
+    """Open a data file; if it was compressed as a whole, it is unpacked in memory."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     stream = os.fdopen(descriptor, "rb")
     size = _size(path, stream)
@@ -103,7 +103,7 @@ def open_data(path: Path) -> BinaryIO:
 
 
 def _size(path: Path, stream: BinaryIO) -> int:
-    """Bytes of a file; one that is not regular is closed again and refused."""
+    """Size of a file in bytes; a file that is not regular is closed again and refused."""
     found = os.fstat(stream.fileno())
     try:
         require_regular(path, found, _MOST, RecordingError)
@@ -114,7 +114,7 @@ def _size(path: Path, stream: BinaryIO) -> int:
 
 
 def is_sqlite(stream: BinaryIO) -> bool:
-    """Whether a data file is SQLite's; rewinds it."""
+    """Whether a data file is an SQLite file; rewinds it."""
     stream.seek(0)
     magic = stream.read(len(SQLITE_MAGIC))
     stream.seek(0)
@@ -182,7 +182,7 @@ def _of_folder(folder: Path) -> SessionFiles:
 
 
 def _sessions_in(folder: Path) -> str:
-    """The folders within that are recordings: one of them may be meant."""
+    """Hint that lists the recordings inside a folder, one of which may be meant."""
     there = sorted((p for p in folder.iterdir() if (p / FILE_NAME).is_file()), key=_natural)
     names = ", ".join(p.name for p in there[:_NAMED])
     more = f" and {len(there) - _NAMED} more" if len(there) > _NAMED else ""
@@ -190,7 +190,7 @@ def _sessions_in(folder: Path) -> str:
 
 
 def _natural(path: Path) -> tuple[object, ...]:
-    """Sort key by which bag_10 comes after bag_9."""
+    """Natural sort key: bag_10 comes after bag_9."""
     return tuple(
         (1, int(part), "") if part.isdigit() else (0, 0, part)
         for part in re.split(r"(\d+)", path.name)

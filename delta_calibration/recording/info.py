@@ -1,4 +1,4 @@
-"""What a recording is, without reading its messages where its index tells it."""
+"""Summary of a recording, from its index if it has one, else by reading its messages."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class SessionInfo:
 
 
 def inspect_session(path: Path | str) -> SessionInfo:
-    """Look into a recording.
+    """Summarise a recording.
 
     Args:
         path: Its folder, the `metadata.yaml` in it, or a bare data file.
@@ -94,7 +94,7 @@ def joints_in(path: Path | str) -> dict[str, tuple[str, ...]]:
     """Names of the joints in each topic of joint states, as its first readable message has them.
 
     Args:
-        path: of the recording; its joint states are read whole.
+        path: of the recording; all its joint states are read.
 
     Raises:
         RecordingError: There is no recording.
@@ -108,7 +108,7 @@ def joints_in(path: Path | str) -> dict[str, tuple[str, ...]]:
 
 
 def _names(record: bytes) -> tuple[str, ...]:
-    """Of one message; none where it is no message."""
+    """Joint names of one message; empty if it cannot be decoded."""
     try:
         return layout_of(record, JOINT_STATE).names
     except UndecodableError:
@@ -125,7 +125,7 @@ def _storage(file: Path) -> str:
 
 
 def _read_index(file: Path, recording: RawRecording) -> bool:
-    """Add what the index at the end of an MCAP file says; False where it hasn't a sound one."""
+    """Add the index at the end of an MCAP file; False if there is no valid one."""
     with open_data(file) as stream:
         if is_sqlite(stream):
             return False

@@ -1,9 +1,9 @@
-"""`printer.cfg` of a Delta printer under Klipper: geometry, and what probe and caliper measured.
+"""Read the `printer.cfg` of a Delta printer under Klipper: geometry, probed and caliper data.
 
 DELTA_CALIBRATE and DELTA_ANALYZE leave their measurements in the block that SAVE_CONFIG writes at
 the end of the file: section `delta_calibrate`, `heightN` with `heightN_pos`, `manual_heightN`,
 `distanceN` with `distanceN_pos1` and `distanceN_pos2`. Positions are steps of the three carriages
-down from their endstops, which no parameter of the firmware enters.
+down from their endstops: they do not depend on the firmware's geometry parameters.
 Source: Klipper's configuration reference, sections [printer] (delta kinematics), [stepper],
 [delta_calibrate].
 """
@@ -26,37 +26,37 @@ Array = NDArray[np.float64]
 TOWERS = "abc"
 _SAVED = "#*#"  # begins each line of the block that SAVE_CONFIG writes
 _ANGLES = (210.0, 330.0, 90.0)  # [deg] where none are given
-_STEPS = 200.0  # a turn of the motor, where not given
-_MOST = 999  # measurements of a kind
+_STEPS = 200.0  # full steps per motor turn, if not given
+_MOST = 999  # measurements of each kind at most
 _INCLUDE = "include "
 _MM = 1e-3
 
 
 @dataclass(frozen=True)
 class PrinterFile:
-    """Geometry that the firmware works with, and what was measured.
+    """Geometry configured in the firmware, and the measurements.
 
-    Joints are in metres down from the endstops.
+    Joints are carriage positions in metres down from the endstops.
     """
 
     path: Path
     radius: float  # [m]
     angle: Array  # (3,) [rad] of the towers
     arm: Array  # (3,) [m]
-    endstop: Array  # (3,) [m] of the nozzle over the bed, in the middle, at the endstop
+    endstop: Array  # (3,) [m] height of the nozzle over the bed's centre at the endstop
     at_height: Array  # (n, 3) [m] joints at which the probe touched
     height: Array  # (n,) [m]
-    one: Array  # (k, 3) [m] joints at either end of a distance
-    other: Array  # (k, 3) [m]
+    one: Array  # (k, 3) [m] joints at one end of each distance
+    other: Array  # (k, 3) [m] joints at the other end
     distance: Array  # (k,) [m]
 
 
 def read_printer(path: Path) -> PrinterFile:
-    """What a printer.cfg says.
+    """Read geometry and measurements from a printer.cfg.
 
     Raises:
-        InputError: it cannot be read, is no Delta's, or an entry is missing or no number; names
-            section, entry, value and what is allowed.
+        InputError: it cannot be read, is not of a Delta, or an entry is missing or no number;
+            names section, entry, value and what is allowed.
     """
     entries = _Entries.of(path)
     kinematics = entries.text("printer", "kinematics")
@@ -96,7 +96,7 @@ def read_printer(path: Path) -> PrinterFile:
 
 
 def _step(entries: _Entries, stepper: str, first: str) -> float:
-    """Way of a carriage a microstep [m]."""
+    """Travel of a carriage per microstep [m]."""
 
     def of(name: str, usual: float | None = None) -> float:
         section = stepper if entries.has(stepper, name) else first
@@ -107,7 +107,7 @@ def _step(entries: _Entries, stepper: str, first: str) -> float:
 
 
 def _ratio(entries: _Entries, stepper: str) -> float:
-    """Turns of the motor a turn of the pulley: `80:16`, or several separated by commas."""
+    """Motor turns per pulley turn, from `80:16` or several such ratios separated by commas."""
     if not entries.has(stepper, "gear_ratio"):
         return 1.0
     said, ratio = entries.text(stepper, "gear_ratio"), 1.0
@@ -120,7 +120,7 @@ def _ratio(entries: _Entries, stepper: str) -> float:
 
 
 def _heights(entries: _Entries, name: str) -> list[tuple[list[float], float]]:
-    """Steps and height [mm] of each touch."""
+    """Carriage steps and height [mm] of each probed point."""
     section, found = "delta_calibrate", []
     for i in range(_MOST):
         if not entries.has(section, f"{name}{i}"):
@@ -131,7 +131,7 @@ def _heights(entries: _Entries, name: str) -> list[tuple[list[float], float]]:
 
 
 def _distances(entries: _Entries) -> list[tuple[list[float], list[float], float]]:
-    """Steps at either end and distance [mm]."""
+    """Carriage steps at both ends, and length [mm], of each distance."""
     section, found = "delta_calibrate", []
     for i in range(_MOST):
         name = f"distance{i}"
@@ -144,7 +144,7 @@ def _distances(entries: _Entries) -> list[tuple[list[float], list[float], float]
 
 @dataclass(frozen=True)
 class _Entries:
-    """Sections of the file, what SAVE_CONFIG wrote in the place of what was typed."""
+    """Sections of the file; entries written by SAVE_CONFIG replace those typed by the user."""
 
     path: Path
     parser: RawConfigParser
@@ -180,7 +180,7 @@ class _Entries:
     def number(
         self, section: str, name: str, usual: float | None = None, above: float = -np.inf
     ) -> float:
-        """A finite number above another; `usual` where there is no such entry."""
+        """Entry that is a finite number greater than `above`; `usual` if there is no entry."""
         if usual is not None and not self.has(section, name):
             return usual
         said = self.text(section, name)
@@ -191,7 +191,7 @@ class _Entries:
         return value
 
     def steps(self, section: str, name: str) -> list[float]:
-        """Three numbers."""
+        """Entry of three step counts, one per carriage."""
         said = self.text(section, name)
         values = [number_of(n) for n in said.split(",")]
         if len(values) != len(TOWERS) or not np.isfinite(values).all():

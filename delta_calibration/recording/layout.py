@@ -1,4 +1,4 @@
-"""Decoding of recorded messages, thousands at a time.
+"""Decode recorded messages in batches of thousands.
 
 Messages of one topic differ in their stamp and their numbers; lengths and strings repeat. So the
 first record is walked field by field, which gives its `Layout`: where the stamp and the block of
@@ -7,8 +7,8 @@ whose fixed bytes are the same has the same layout, and all of them are taken ou
 
     rows (n, L) uint8  ->  values (n, c) float64 = rows[:, first : first + 8 c]
 
-A record that differs starts a layout of its own; where there are too many of them the rest is
-walked one by one. Nothing is assumed of a record that was not compared.
+A record that differs starts a layout of its own; if there are too many layouts, the remaining
+records are walked one by one. Nothing is assumed of a record that was not compared.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from delta_calibration.recording.messages import (
     TEMPERATURE,
 )
 
-# Numbers that follow the header directly; of an inertia the moments are left aside.
+# Number of float64 that follow the header directly; an inertia's 10 include its 6 moments.
 PLAIN_VALUES = {POSE_STAMPED: 7, POINT_STAMPED: 3, TEMPERATURE: 2, INERTIA_STAMPED: 10}
 DECODABLE = frozenset((JOINT_STATE, *PLAIN_VALUES))
 
-_LAYOUTS_AT_ONCE = 8  # per record size; a publisher has one, two publishers on one topic have two
+_LAYOUTS_AT_ONCE = 8  # at most, per record size; each publisher on a topic has one layout
 _BODY = 4  # bytes of encapsulation before the stamp
 _BYTE_ORDER = {b"\x00\x01": "<", b"\x00\x00": ">"}
 
@@ -44,13 +44,13 @@ class UndecodableError(ValueError):
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things lie in a record, and the bytes that make it so."""
+    """Offsets of the fields in a record, and the bytes that determine them."""
 
     order: str  # "<" or ">"
     frame: str
     names: tuple[str, ...]  # of the joints, empty for other types
     first: int  # byte at which the float64 block starts
-    count: int  # of its numbers
+    count: int  # numbers in that block
     fixed: NDArray[np.bool_]  # (L,) True where a byte decides the layout
 
 
@@ -60,20 +60,20 @@ class Batch:
 
     frame: str
     names: tuple[str, ...]
-    index: NDArray[np.intp]  # (n,) place of each in its topic
+    index: NDArray[np.intp]  # (n,) position of each message in its topic
     stamp_ns: Stamps  # (n,) [ns]
     values: Array  # (n, c)
 
 
 def decode(records: Sequence[bytes], type_name: str) -> tuple[tuple[Batch, ...], int]:
-    """All messages of one topic.
+    """Decode all messages of one topic.
 
     Args:
         records: CDR bytes of each message, in the order of recording.
         type_name: One of `DECODABLE`.
 
     Returns:
-        Batches of messages of one layout each, and how many records could not be decoded.
+        Batches, each of messages with one layout, and the number of records that failed to decode.
     """
     sizes = np.fromiter(map(len, records), np.intp, len(records))
     batches: list[Batch] = []
@@ -157,7 +157,7 @@ class _Walk:
         self._offset = _BODY
         self._length = struct.Struct(self.order + "I")
         self.fixed = np.zeros(len(record), bool)
-        self.fixed[:2] = True  # the two after them are options, free to differ
+        self.fixed[:2] = True  # the next two bytes are options, which may differ
 
     def header(self) -> str:
         self._take(8, 4)  # the stamp

@@ -1,8 +1,8 @@
-"""Reading of MCAP files from front to back, as far as they go.
+"""Read MCAP files from front to back, up to the point where an incomplete file ends.
 
 The index at the end of a file is not needed for the messages: a file whose writer was killed has
 none. Records are walked in order of the file: `opcode (1), length (8), content`. Chunks hold
-records of the same form. What is torn or damaged is left out, and said.
+records of the same form. Torn or damaged records are left out and reported in a note.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ _READ_WHOLE = frozenset(
 )
 _FOOTER_BYTES = 9 + 20 + len(MAGIC)
 _LARGEST_CHUNK = 1 << 29  # bytes; a larger length is damage, not a chunk
-_LARGEST_UNPACKED = 1 << 28  # bytes of a chunk; writers make 1 MB of them
-_LARGEST_WINDOW = 1 << 27  # bytes that zstd looks back at most, its own bound
+_LARGEST_UNPACKED = 1 << 28  # bytes of an unpacked chunk at most; writers make about 1 MB
+_LARGEST_WINDOW = 1 << 27  # bytes of zstd's window at most, which is its own default limit
 _PART = 1 << 22
-# What comes of reading damage; bad UTF-8 is a ValueError.
+# Exceptions that reading damaged data raises; bad UTF-8 is a ValueError.
 _BROKEN = (McapError, struct.error, ValueError, OverflowError, MemoryError)
 
 
@@ -55,27 +55,27 @@ def read_mcap(stream: BinaryIO, name: str, recording: RawRecording) -> None:
 
     Args:
         stream: The file, seekable.
-        name: What to call it to the user.
+        name: Name of the file in notes to the user.
         recording: Takes the topics, provenance and notes.
 
     Raises:
-        RecordingError: Empty, not an MCAP file, or a compression that can't be undone here;
-            the message goes after the file's name.
+        RecordingError: Empty, not an MCAP file, or a compression that is not supported; the
+            caller puts the file's name before the message.
     """
     _Scan(stream, name, recording).run()
 
 
 def decompress(data: bytes, compression: str, most: int) -> bytes:
-    """Content of a chunk; of a torn one, as much as can be had.
+    """Unpack a chunk; of a torn chunk, as much as can be recovered.
 
     Args:
-        data: as it lies in the file.
-        compression: "zstd", "lz4" or none.
-        most: bytes that it may unpack to.
+        data: bytes in the file.
+        compression: "zstd", "lz4" or "" for none.
+        most: bytes that they may unpack to.
 
     Raises:
         RecordingError: Unknown compression.
-        ValueError: The data is damaged, or unpacks to more.
+        ValueError: The data is damaged, or unpacks to more than `most` bytes.
     """
     if compression == "zstd":
         try:
@@ -97,7 +97,7 @@ def decompress(data: bytes, compression: str, most: int) -> bytes:
 
 
 def _unpacked(data: bytes, most: int) -> bytes:
-    """What zstd makes of data, as far as they go and no more than so many bytes."""
+    """Unpack zstd data up to their end or a tear, `most` bytes at most."""
     parts, left = [], most
     with zstandard.ZstdDecompressor(max_window_size=_LARGEST_WINDOW).stream_reader(data) as reader:
         while left and (part := reader.read(min(left, _PART))):
@@ -113,7 +113,7 @@ def _no_more(plain: bytes, most: int) -> bytes:
 
 
 def _what_then(name: str) -> str:
-    """What may be meant where the name is not that of a recording."""
+    """Hint for the user if the file's name is not that of a recording, else empty."""
     if name.lower().endswith((".csv", ".txt")):
         return "; `delta-cal import` converts tables into sessions"
     if ".mcap" in name:
@@ -236,7 +236,7 @@ class _Scan:
                 self._recording.metadata.update(metadata.metadata)
 
     def _topic(self, channel: int) -> RawTopic:
-        """The topic of a channel; from the file's end where the chunk that names it is lost."""
+        """Topic of a channel; from the file's summary if the chunk that names it is lost."""
         if channel not in self._channels:
             for record in read_summary(self._stream):
                 if isinstance(record, Schema):
@@ -272,7 +272,7 @@ class _Scan:
         )
 
     def _closed(self) -> bool:
-        """Whether the file has the end that only a writer's proper closing gives it."""
+        """Whether the file ends with the MCAP magic, which only a properly closed file has."""
         position = self._stream.tell()
         self._stream.seek(max(len(MAGIC), self._size - len(MAGIC)))
         end = self._stream.read()
@@ -284,7 +284,7 @@ class _Scan:
 
 
 def read_summary(stream: BinaryIO) -> tuple[McapRecord, ...]:
-    """Records of the summary at a file's end; none where there is no sound one."""
+    """Records of the summary at a file's end; empty if there is no valid one."""
     position = stream.tell()
     try:
         stream.seek(-_FOOTER_BYTES, 2)

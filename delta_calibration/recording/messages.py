@@ -1,4 +1,4 @@
-"""The messages on a session's topics: definition, hash, and the bytes they travel as.
+"""Messages on a session's topics: definition, hash, and CDR encoding.
 
 A message on the wire is CDR: two bytes that name the encoding (0x0001, little endian), two of
 options, then the fields in order, each aligned to its own size counted from byte 4:
@@ -6,8 +6,8 @@ options, then the fields in order, each aligned to its own size counted from byt
     string      uint32 length with the closing zero, the characters, a zero
     float64[]   uint32 length, padding to 8 if there is any element, the numbers
 
-All five input topics start with a `std_msgs/Header` (stamp, frame) and carry one block of float64.
-Padding is zero here, always: equal content gives equal bytes.
+All five message types start with a `std_msgs/Header` (stamp, frame) and carry one block of float64
+that is used. Padding is always zero here, so that equal content gives equal bytes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _STAMP = struct.Struct("<iI")
 
 @dataclass(frozen=True)
 class MessageType:
-    """What a recording has to say about a message type, so that others can decode it."""
+    """Description of a message type that a recording contains, so that others can decode it."""
 
     name: str
     definition: str  # ros2msg: its text, then each type it uses after 80 "=" and "MSG: pkg/Name"
@@ -48,7 +48,7 @@ def message_type(name: str) -> MessageType:
     Raises:
         InputError: The type is not one of ROS 2's common ones.
     """
-    # Late: loading the store takes 0.2 s, which reading a session need not pay.
+    # Imported late: loading the store takes 0.2 s, and reading a session does not need it.
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_JAZZY)
@@ -105,13 +105,13 @@ def _stamped(stamp_ns: int, frame: str, values: bytes) -> bytes:
 
 @lru_cache(maxsize=64)
 def _frame_head(frame: str) -> bytes:
-    """What lies between the stamp and a block of float64: the frame's name."""
+    """Bytes between the stamp and the block of float64: the frame's name and padding."""
     return _aligned(_with_string(bytes(8), frame), 8)[8:]
 
 
 @lru_cache(maxsize=64)
 def _joint_head(names: tuple[str, ...]) -> bytes:
-    """What lies between the stamp of a JointState and its positions: an empty frame, the names."""
+    """Bytes between the stamp of a JointState and its positions: an empty frame, the names."""
     count = len(names).to_bytes(4, "little")
     body = _aligned(_with_string(bytes(8), ""), 4) + count
     for name in names:

@@ -1,8 +1,8 @@
-"""Tables as known programs write them, and the mapping of two of them together.
+"""Presets for the tables of known programs, and mappings made from one or two of them.
 
 A preset is a YAML file of `presets/`. It says how the file is written (`table`) and what its
-columns are: the joints, or the measured points. A mapping has both; where a preset gives one side,
-a second table gives the other.
+columns are: the joints, or the measured points. A mapping needs both, and a preset gives only one
+of them; a second table with its own preset gives the other.
 """
 
 from __future__ import annotations
@@ -25,14 +25,14 @@ _SHARED = ("time", "encoders", "rotation")
 
 @dataclass(frozen=True)
 class Other:
-    """The second table.
+    """Second table, and how its rows are joined to those of the first.
 
     Attributes:
-        file: of it.
-        preset: that it is written by.
+        file: of the second table.
+        preset: name of the preset that describes it.
         by: `row`, `name` or `nearest`.
-        within: [s] the nearest may be away.
-        shift: [s] of the second's clock, added to its times.
+        within: [s] largest time difference of rows joined by `nearest`.
+        shift: [s] added to the times of the second table.
     """
 
     file: Path
@@ -44,7 +44,7 @@ class Other:
 
 @cache
 def presets() -> Mapping[str, Mapping[str, Any]]:
-    """All of them, by name."""
+    """All presets by name."""
     folder = files("delta_calibration") / "presets"
     found = sorted(
         (file for file in folder.iterdir() if file.name.endswith(".yaml")), key=lambda f: f.name
@@ -56,10 +56,10 @@ def presets() -> Mapping[str, Mapping[str, Any]]:
 
 
 def preset(name: str) -> Mapping[str, Any]:
-    """One of them.
+    """The preset of a name.
 
     Raises:
-        InputError: there is none of that name.
+        InputError: there is no preset of that name.
     """
     if name not in presets():
         raise InputError(f"preset {name!r} is not known; there are: {', '.join(presets())}")
@@ -67,25 +67,25 @@ def preset(name: str) -> Mapping[str, Any]:
 
 
 def overview() -> list[tuple[str, str, str]]:
-    """Name, what it gives and what it is, of each."""
+    """Name, columns given (`joints` or `points`) and description of each preset."""
     return [(name, each["gives"], each["about"]) for name, each in presets().items()]
 
 
 def mapping_of(
     name: str, robot: Robot, other: Other | None, unit: str | None, beside: Path
 ) -> dict[str, Any]:
-    """A whole mapping of a preset and the second table.
+    """Complete mapping, from a preset and that of the second table.
 
     Args:
         name: of the preset.
         robot: whose joints are in the table.
-        other: the second table; None where there is none.
-        unit: of the positions, in the place of the preset's.
-        beside: the file that the mapping will be; paths are told from its folder.
+        other: the second table; None if there is none.
+        unit: of the positions, instead of the preset's.
+        beside: file that the mapping will be written to; paths are relative to its folder.
 
     Raises:
         InputError: a preset that does not exist, or presets that do not give joints and points
-            between them, or no column to join by, or fewer joints than the robot has.
+            together, or no column to join by, or fewer joints than the robot has.
     """
     sides = [preset(name)] + ([] if other is None else [preset(other.preset)])
     given = [each["gives"] for each in sides]

@@ -1,11 +1,11 @@
-"""What a recording holds before decoding: bytes and times of arrival, topic by topic."""
+"""Content of a recording before decoding: message bytes and times of arrival of each topic."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-Keep = Callable[[str], bool]  # of a message type: are its messages wanted, or only counted
+Keep = Callable[[str], bool]  # whether messages of a type are kept, or only counted
 
 
 @dataclass
@@ -16,8 +16,8 @@ class RawTopic:
     type_name: str
     encoding: str = "cdr"
     count: int = 0
-    first_ns: int = 0  # earliest and latest time of arrival
-    last_ns: int = 0
+    first_ns: int = 0  # earliest time of arrival
+    last_ns: int = 0  # latest time of arrival
     log_time_ns: list[int] = field(default_factory=list)
     records: list[bytes] = field(default_factory=list)
 
@@ -48,7 +48,7 @@ class RawRecording:
     complete: bool = True  # False where a file was cut off
 
     def topic(self, name: str, type_name: str, encoding: str) -> RawTopic:
-        """The topic of this name and type, made where it is new."""
+        """Topic of this name, type and encoding; created if it is new."""
         key = (name, type_name, encoding)
         return self.topics.setdefault(key, RawTopic(*key))
 

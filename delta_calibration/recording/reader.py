@@ -1,4 +1,4 @@
-"""Reading a session: any rosbag2 recording of a cell, as its streams."""
+"""Read a session: the streams of any rosbag2 recording of a cell."""
 
 from __future__ import annotations
 
@@ -42,12 +42,12 @@ _TYPES = {
 def read_session(
     path: Path | str, topics: Topics = DEFAULT_TOPICS, *, partial: bool = False
 ) -> Session:
-    """Read a recording.
+    """Read the streams of a recording.
 
     Args:
         path: Folder of the recording, the `metadata.yaml` in it, or a bare .mcap or .db3 file.
-        topics: Which topics are which streams.
-        partial: Take a recording without joints or without tracker as it is.
+        topics: Name of the topic of each stream.
+        partial: Accept a recording without joint angles or without tracker readings.
 
     Returns:
         Its streams, each in order of its stamps; `notes` say what was lost, left out or chosen.
@@ -69,7 +69,7 @@ def read_session(
 
 @dataclass(frozen=True)
 class RawMessage:
-    """A recorded message as it travelled."""
+    """A recorded message in its serialised form."""
 
     topic: str
     type_name: str
@@ -100,7 +100,7 @@ def read_messages(path: Path | str) -> tuple[tuple[RawMessage, ...], tuple[str, 
 
 
 class _Assembly:
-    """The streams of one recording, with the notes that come up while they are put together."""
+    """Builds the streams of one recording, and collects notes on the way."""
 
     def __init__(self, recording: RawRecording, topics: Topics) -> None:
         self._recording = recording
@@ -133,7 +133,7 @@ class _Assembly:
         return self._noted(joint_stream(raw, wanted)) if raw else None
 
     def _tracker(self) -> TrackerStream | None:
-        """Poses where there are any, else points; points first where only they were asked for."""
+        """Tracker poses if there are any, else points; points first if only they are named."""
         streams = ["tracker_pose", "tracker_point"]
         asked = [s for s in streams if getattr(self._topics, s) != getattr(DEFAULT_TOPICS, s)]
         if asked == ["tracker_point"]:
@@ -152,7 +152,7 @@ class _Assembly:
         return None
 
     def _raw(self, stream: str) -> RawTopic | None:
-        """Messages of a stream's topic; None where there are none."""
+        """Messages of a stream's topic; None if there are none."""
         topics = self._recording.topics.values()
         name = self._topics.find(stream, [topic.name for topic in topics])
         if name is None:
@@ -183,8 +183,8 @@ class _Assembly:
         )
 
     def _where(self, streams: Sequence[str]) -> str:
-        """How to say where they are: with the topics that are of a stream's type, if any is."""
-        fitting: dict[str, str] = {}  # stream by topic, the first that it fits
+        """Hint which --topic option to give, with the recorded topics of a stream's type."""
+        fitting: dict[str, str] = {}  # topic: the first stream that has its type
         for stream in streams:
             for topic in self._recording.topics.values():
                 if topic.type_name == _TYPES[stream]:

@@ -1,4 +1,4 @@
-"""A recording that was cut off, written anew as one that every reader opens."""
+"""Rewrite a recording that was cut off as a complete one that every reader opens."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CDR = "cdr"
 
 @dataclass(frozen=True)
 class Recovered:
-    """What was written, and what was not."""
+    """Result of a recovery: number of messages written, and notes on what was lost."""
 
     messages: int
     notes: tuple[str, ...]  # what could not be read, and topics that could not be written
@@ -27,15 +27,15 @@ def recover(source: Path | str, target: Path | str) -> Recovered:
     """Write what can be read of a recording into a new one, closed and with its index.
 
     The messages are the same bytes at the same times, in order of arrival; the provenance goes
-    with them. Topics of types that ROS 2's common interfaces lack are left out, and said.
+    with them. Topics of types that ROS 2's common interfaces lack are left out, with a note.
 
     Args:
         source: A recording: its folder, or a data file, whole or cut off.
         target: Folder to make.
 
     Raises:
-        RecordingError: Nothing of it can be read.
-        InputError: The folder exists, or a disk error.
+        RecordingError: No message can be read.
+        InputError: The folder exists, or a disk error occurs.
     """
     recording, files = load_raw(Path(source), lambda _: True)
     topics, left_out = _writable(recording)

@@ -1,4 +1,4 @@
-"""Writing a whole session at once, as a simulator does."""
+"""Write a whole session at once, as a simulator does."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PLATFORM_FRAME = "tool0"
 
 @dataclass(frozen=True)
 class _Source:
-    """A stream on its way to a topic."""
+    """A stream to be written: topic, message type, stamps and encoder of its rows."""
 
     topic: str
     type_name: str
@@ -55,7 +55,7 @@ def write_session(
     Args:
         path: Folder to make.
         session: What to write; its notes are not kept.
-        metadata: Provenance, over and above the session's own.
+        metadata: Provenance in addition to the session's own, which it overrides.
 
     Raises:
         InputError: The folder exists, a disk error, or a stream whose arrays do not fit together.

@@ -1,4 +1,4 @@
-"""Reading of rosbag2's older storage, one SQLite file with the tables `topics` and `messages`."""
+"""Read rosbag2's older storage, one SQLite file with the tables `topics` and `messages`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from delta_calibration.recording.raw import RawRecording
 
 SQLITE_MAGIC = b"SQLite format 3\0"
 
-# The casts hold for a damaged file too, in which a column may hold anything.
+# The casts are for damaged files, in which a column may hold values of any type.
 _TOPICS = (
     "SELECT id, CAST(name AS TEXT), CAST(type AS TEXT), CAST(serialization_format AS TEXT)"
     " FROM topics"
@@ -26,8 +26,8 @@ def read_sqlite(path: Path, recording: RawRecording) -> None:
     """Add the messages of one .db3 file to a recording; of a damaged one, those before the damage.
 
     Raises:
-        RecordingError: It has other tables, or its list of topics is damaged; the message goes
-            after the file's name.
+        RecordingError: It has other tables, or its list of topics is damaged; the caller puts
+            the file's name before the message.
     """
     before = recording.message_count
     with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as base:
@@ -56,5 +56,5 @@ def read_sqlite(path: Path, recording: RawRecording) -> None:
 
 
 def _line(error: sqlite3.Error) -> str:
-    """An error in one line; SQLite's quote the file's own text."""
+    """Text of an error on one line; SQLite's errors may quote text of the file."""
     return " ".join(str(error).split())

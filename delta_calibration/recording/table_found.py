@@ -1,4 +1,4 @@
-"""A table found in a file without being told how it is written."""
+"""Find the table in a file whose format is not known."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ Lines = Sequence[tuple[int, list[str]]]
 
 _DELIMITERS = (";", "\t", "|", ",", " ")
 _THOUSANDS = (".", ",", "'", " ")
-_FEWEST = 3  # numbers in a line of the table: joints alone, or points alone
-UNIT = (  # as people write them, between brackets or bare
+_FEWEST = 3  # numbers in a line of the table at least: joints alone, or points alone
+UNIT = (  # units as people write them, in brackets or bare
     r"urad|mrad|rad|radians?|deg|degrees?|grad|°|turns?|um|µm|mm|cm|m|inch|in|ms|us|"
     r"ns|s|sec|seconds?|min|minutes?|h|kg|g|degc|°c|k"
 )
@@ -37,12 +37,12 @@ class FoundTable:
 
     Attributes:
         form: how the file is written.
-        names: of the columns; c1, c2, ... if no line of the file has them.
-        named: whether a line of the file has them.
+        names: of the columns; c1, c2, ... if no line of the file names them.
+        named: whether a line of the file names columns.
         number: (n, columns), NaN for texts.
         text: the same cells as texts.
         first: line of the file with the first row, from 1.
-        ends: whether lines that are no rows, such as a mean, come after the rows.
+        ends: whether other lines, such as a mean, follow the rows.
         join: section `join` of a mapping, if the table was put together from two files.
         notes: what a reader should know about how the table was found.
     """
@@ -62,7 +62,7 @@ class FoundTable:
         return np.asarray(self.number[:, self.names.index(name)])
 
     def texts(self, name: str) -> tuple[str, ...]:
-        """Texts of a column without blanks around them."""
+        """Texts of a column without surrounding blanks."""
         column = self.names.index(name)
         return tuple(row[column].strip() for row in self.text)
 
@@ -81,13 +81,13 @@ class FoundTable:
 
 
 def found_table(path: Path, option: str = "--preset") -> FoundTable:
-    """The table in a file: cut so that most cells are numbers in lines of the same length.
+    """Find the table in a file: the format with most numbers in lines of equal length.
 
     Of a workbook it is the sheet with most numbers.
 
     Args:
         path: of the file.
-        option: that takes the preset of a robot's program.
+        option: name of the option that takes a preset, for the message on a robot's program.
 
     Raises:
         InputError: no such file, a robot's program, or no table in it.
@@ -118,9 +118,9 @@ def found_table(path: Path, option: str = "--preset") -> FoundTable:
 
 
 def _programs(path: Path, least: int) -> Iterator[str]:
-    """Presets of robot programs that a file has rows of: as many as it has of a table, or more.
+    """Presets of robot programs that match at least `least` rows of a file.
 
-    A table may quote a line of a program.
+    `least` is the number of rows in its table, because a table may quote a line of a program.
     """
     for name, each in presets().items():
         if "pattern" in each["table"]:
@@ -131,22 +131,22 @@ def _programs(path: Path, least: int) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class _Cut:
-    """The lines of a file as a form cuts them, and the rows of the table among them."""
+    """Lines of a file split into cells by a form, and the range of the table's rows in them."""
 
     form: Form
     lines: Lines
     first: int
     last: int
-    numbers: int  # in the rows
+    numbers: int  # numeric cells in the rows
 
 
 def _best(
     path: Path, forms: Iterable[Form], best: _Cut | None = None, *, workbook: bool = False
 ) -> _Cut | None:
-    """The first of the forms that finds most numbers, if it finds more than `best`."""
+    """Cut with the most numbers, the first one of equals; `best` if no form finds more."""
     for form in forms:
         lines = lines_of_file(path, form)
-        if workbook:  # whose lines end with the last cell that is not empty
+        if workbook:  # the lines of a workbook end with the last cell that is not empty
             width = max(len(cells) for _, cells in lines)
             lines = [(line, cells + [""] * (width - len(cells))) for line, cells in lines]
         first, last = _body(lines, form)
@@ -157,7 +157,7 @@ def _best(
 
 
 def _plain_forms(sheets: Sequence[str]) -> Iterator[Form]:
-    """Sheets of a workbook, or what parts the columns of a text, and the decimal marks."""
+    """Candidate forms: each sheet of a workbook or delimiter of a text, with each decimal mark."""
     for number, sheet in enumerate(sheets):
         yield Form(";", sheet=sheet if number else "")
         yield Form(";", ",", sheet=sheet if number else "")
@@ -168,7 +168,7 @@ def _plain_forms(sheets: Sequence[str]) -> Iterator[Form]:
 
 
 def _grouped_forms(best: _Cut | None) -> Iterator[Form]:
-    """Texts whose numbers have a mark between the thousands."""
+    """Candidate forms of a text whose numbers have a separator between thousands."""
     delimiters = _DELIMITERS if best is None else (best.form.delimiter,)
     for delimiter, decimal, thousands in product(delimiters, ".,", _THOUSANDS):
         if len({delimiter, decimal, thousands}) == 3:
@@ -180,7 +180,7 @@ def _numbers(cells: Sequence[str], form: Form) -> int:
 
 
 def _body(lines: Lines, form: Form) -> tuple[int, int]:
-    """The longest run of lines of the same length with numbers in them, gaps between."""
+    """Range of the longest run of lines of equal length that hold numbers, or mostly gaps."""
     best = begin = 0, 0
     for k, (_, cells) in enumerate(lines):
         good = _numbers(cells, form) >= _FEWEST
@@ -194,10 +194,10 @@ def _body(lines: Lines, form: Form) -> tuple[int, int]:
 def _names(
     before: Sequence[Sequence[str]], form: Form, width: int
 ) -> tuple[tuple[str, ...], bool]:
-    """Names of the columns, and whether one line of the file has them just so.
+    """Names of the columns, and whether one line of the file has exactly these names.
 
-    They are in the last line before the numbers that has as many texts; units may be in a line
-    between. A column without a name has an empty one; of equal names the later ones are numbered.
+    They are in the last line before the numbers that has as many cells and no number; a line of
+    units may follow it. A missing name is empty; of equal names the later ones are numbered.
     """
     heads = [cells for cells in before if len(cells) == width and not _numbers(cells, form)]
     if not heads:

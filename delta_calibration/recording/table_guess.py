@@ -1,7 +1,8 @@
 """Propose a mapping for a table, with the doubts about it.
 
-Columns are identified by their names first. What the names leave open is decided by the robot:
-columns and units are right if the nominal robot then matches the measured points.
+Columns are identified by their names first. Columns and units that the names leave open are chosen
+by the robot: they are right if the nominal robot then matches the measured points. The share of a
+reading is the median distance between nominal robot and points over the points' spread.
 """
 
 from __future__ import annotations
@@ -30,15 +31,15 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 _Numbers = TypeVar("_Numbers", float, Array)
 
-_LIES = 0.03  # of the points' spread: a median miss under which the drawing lies on them
-_BETTER = 0.9  # of the miss of one unit for x, y and z: what mixed units are looked at for
-_CLEARLY = 3.0  # times the best: what another reading has to miss by
-_ZEROS = 48  # of a turn: zeros of all joints that are tried
-_ALIKE = 3  # of them: where more do as well as the best, the points do not tell the zero
-_OUT_OF_REACH = 1e6  # a share for what the drawing cannot reach
-_MOST = 300  # rows that are looked at
-_SHOWN = 10  # rows that are shown
-_STEPS = 2.0, 600.0  # [s] between stops, if a time is in seconds
+_LIES = 0.03  # largest share at which the nominal robot matches the points
+_BETTER = 0.9  # of the share with one unit for x, y and z: below it, mixed units raise a doubt
+_CLEARLY = 3.0  # factor between two shares from which one reading is clearly better
+_ZEROS = 48  # steps in which the common zero of all joints is searched, over one turn
+_ALIKE = 3  # if more of these zeros fit as well as the best, the points do not determine the zero
+_OUT_OF_REACH = 1e6  # share of a reading that the nominal robot cannot reach
+_MOST = 300  # rows that are evaluated at most
+_SHOWN = 10  # rows that are shown to the user
+_STEPS = 2.0, 600.0  # [s] plausible time between stops, if a column of times is in seconds
 _POINT_UNITS = ("mm", "m", "inch")
 _POINT_UNITS_ALIKE = tuple((unit, unit, unit) for unit in _POINT_UNITS)
 _JOINT = re.compile(
@@ -49,7 +50,7 @@ _PLACE = re.compile(
     r"(?:(?:meas|measured|measurement|tracker|ist|actual|pos|position|point|p|t|tcp)[ _.-]*)*"
     r"([xyz])$"
 )
-_MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # where it was to go
+_MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # of intended points
 _TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
 _OTHERS = {
     "time": re.compile(rf"({CLOCK}|date|datetime|datum|uhrzeit|zeitstempel)$"),
@@ -58,7 +59,7 @@ _OTHERS = {
 _SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
 _WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
 _COMMANDED = ("target", "cmd", "command", "soll")
-_READ = re.compile(r"meas|track|actual|attain|(?:^|[ _.-])ist(?:$|[ _.-])")  # what was measured
+_READ = re.compile(r"meas|track|actual|attain|(?:^|[ _.-])ist(?:$|[ _.-])")  # measured points
 _DIFFERENCE = re.compile(
     r"(?:d|delta|diff?|difference|err|error|dev|deviation)[ _.-]*([xyz])$|"
     r"([xyz])[ _.-]*(?:delta|diff?|difference|err|error|dev|deviation)$"
@@ -67,10 +68,10 @@ _DIFFERENCE = re.compile(
 
 @dataclass(frozen=True)
 class Guess:
-    """A mapping and what to look at before it is believed."""
+    """A proposed mapping, with the doubts to be checked before it is used."""
 
     mapping: Mapping[str, Any]
-    sure: tuple[str, ...]  # what was found, and by what
+    sure: tuple[str, ...]  # findings, each with its reason
     doubts: tuple[str, ...]
     shown: tuple[Mapping[str, str], ...]  # rows as they would be read
 
@@ -87,28 +88,28 @@ class Guess:
 
 @dataclass(frozen=True)
 class _Count:
-    """Joints that count from one other zero, in the same or the other direction."""
+    """Direction and zero that all joint numbers share, if they differ from the robot file's."""
 
     sign: float = 1.0
-    zero: float = 0.0  # number at the zero of the robot's joints, in the joints' unit
-    open: tuple[float, float] = (0.0, 0.0)  # zeros that do as well lie between
+    zero: float = 0.0  # number in the table, in its unit, at the zero of the robot's joints
+    open: tuple[float, float] = (0.0, 0.0)  # interval of zeros that fit as well, if any
 
     def joints(self, number: _Numbers) -> _Numbers:
-        """The robot's joints, in the unit of the numbers."""
+        """Convert numbers of the table to the robot's joints, in the unit of the numbers."""
         return self.sign * (number - self.zero)
 
     def mapped(self) -> dict[str, float]:
-        """As a mapping says it."""
+        """Keys `scale` and `offset` of a mapping's joints."""
         scale = {"scale": -1} if self.sign < 0 else {}
         return scale | ({"offset": -self.sign * self.zero} if self.zero else {})
 
     def said(self, unit: str) -> str:
-        """For people."""
+        """Describe direction and zero for the user."""
         way = "count in the other direction" if self.sign < 0 else "count from another zero"
         return f"{way}, and read {self.zero:g} {unit} where the robot file has 0"
 
     def doubt(self, unit: str) -> str:
-        """What to look at."""
+        """Doubt about direction and zero, for the user."""
         if self.open[1] > self.open[0]:
             low, high = self.open
             return (
@@ -126,13 +127,13 @@ _AS_FILED = _Count()
 
 @dataclass
 class _Found:
-    """What is known so far."""
+    """Columns and units identified so far, with the findings and doubts."""
 
-    joints: list[str] = field(default_factory=list)  # columns
-    place: list[str] = field(default_factory=list)
+    joints: list[str] = field(default_factory=list)  # columns of the joints
+    place: list[str] = field(default_factory=list)  # columns x, y, z of the point
     joint_unit: str = ""
     place_units: list[str] = field(default_factory=list)
-    count: _Count | None = None  # how all joints count, if not as the robot's file says
+    count: _Count | None = None  # direction and zero of all joints, if not the robot file's
     sure: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
@@ -189,7 +190,7 @@ def _by_names(table: FoundTable, robot: Robot) -> _Found:
 
 
 def _told_units(place: Sequence[str]) -> tuple[str, ...]:
-    """Units of a point by the names of its columns; none if one of them has none."""
+    """Units in the names of a point's columns; empty if any of them lacks one."""
     told = tuple(bare_name(name)[1] for name in place)
     return told if all(unit in LENGTHS for unit in told) else ()
 
@@ -216,7 +217,7 @@ def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
 
 
 def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined: bool) -> None:
-    """What names leave open: columns, units; by where the drawing comes to lie."""
+    """Choose columns and units that the names leave open, by the fit of the nominal robot."""
     tried = sorted(_readings(table, robot, found), key=lambda one: one[0])
     if tried and not found.place_units:
         tried = _by_mixed_units(tried, table, robot, found)
@@ -254,12 +255,12 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
 def _by_mixed_units(
     tried: list[_Reading], table: FoundTable, robot: Robot, found: _Found
 ) -> list[_Reading]:
-    """The readings, first one whose x, y and z differ in unit if that is clearly better.
+    """Readings, first one with mixed units of x, y and z if it is clearly better.
 
-    Coordinates that vary little hardly show in which unit they are: a reading by one unit that
-    matches is held against those of the same columns, one that does not against all. One in
-    which a coordinate is in a larger unit and that is better at all makes the units a doubt:
-    numbers in m that are read in mm are flat, and flat is nearly right.
+    A coordinate that varies little hardly shows its unit. If the best reading with a single unit
+    matches, mixed units are tried for its columns only, otherwise for all columns. If a reading
+    with a coordinate in a larger unit is better by `_BETTER`, the units are put in doubt: a
+    coordinate in m that is read in mm is almost constant, which nearly matches.
     """
     share, joints, place, joint_unit, _ = tried[0]
     known = _Found(list(joints), list(place), joint_unit) if share <= _LIES else found
@@ -278,14 +279,14 @@ def _by_mixed_units(
 
 
 def _all_larger(units: Sequence[str], than: Sequence[str]) -> bool:
-    """Whether no unit of a point is smaller than another reading's, and one is larger."""
+    """Whether no unit of a point is smaller than that of another reading."""
     return all(LENGTHS[one] >= LENGTHS[other] for one, other in zip(units, than, strict=True))
 
 
 def _by_count(table: FoundTable, robot: Robot, found: _Found, tried: Sequence[_Reading]) -> bool:
-    """Whether the drawing lies on the points once all joints count in another way.
+    """Whether the nominal robot matches the points with another direction or zero of all joints.
 
-    By the columns that are named, or else the likeliest: every pair of runs would take long.
+    Only the named columns are tried, or else those that fit best: all pairs would take long.
     """
     best, least = None, _LIES
     for reading in tried:
@@ -310,7 +311,7 @@ def _by_count(table: FoundTable, robot: Robot, found: _Found, tried: Sequence[_R
 def _best_count(
     table: FoundTable, robot: Robot, reading: _Reading, sign: float
 ) -> tuple[_Count, float]:
-    """The zero by which the drawing lies best, in whole degrees or mm if that does as well."""
+    """Zero with the smallest share, in whole degrees or mm if that fits nearly as well."""
     _, joints, place, unit, place_units = reading
     number = np.column_stack([table.column(name) for name in joints])
     if robot.joints.unit == "rad":
@@ -332,7 +333,7 @@ def _best_count(
     near = float(grid[int(np.argmin(tried))])
     bounds = near - step, near + step
     best = minimize_scalar(share, bounds=bounds, method="bounded", options={"xatol": fine / 10})
-    rounded = fine * round(float(best.x) / fine)  # a machine is off its drawing by a little
+    rounded = fine * round(float(best.x) / fine)  # a machine deviates a little from nominal
     zero = rounded if share(rounded) <= _CLEARLY * float(best.fun) else float(best.x)
     return _Count(sign, float(f"{zero:.6g}")), share(zero)
 
@@ -346,13 +347,13 @@ def _readings(
     found: _Found,
     units: Sequence[tuple[str, ...]] = _POINT_UNITS_ALIKE,
 ) -> Iterator[_Reading]:
-    """Every way to read joints and point, with the share of the extent that it misses by.
+    """Candidate readings of joints and point (columns and units), each with its share.
 
     Args:
         table: the cells.
-        robot: whose drawing is laid over the points.
-        found: what the names say of columns and units.
-        units: of x, y and z, to be tried where the names do not say them.
+        robot: nominal robot that is fitted to the points.
+        found: columns and units known from the names.
+        units: candidate units of x, y and z, if the names do not give them.
     """
     count = len(robot.joints.names)
     turning = robot.joints.unit == "rad"
@@ -428,7 +429,7 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
 
 
 def _gaps(table: FoundTable, found: _Found, mapping: Mapping[str, Any]) -> dict[str, Any]:
-    """Rows without a value in a column that is used are left out, and told."""
+    """Key `missing` of a mapping: skip rows with gaps in used columns, and note their number."""
     read = {key: value for key, value in mapping.items() if key not in ("table", "join")}
     used = [table.names.index(name) for name in _columns_in(read)]
     gaps = sum(any(is_gap(row[k]) for k in used) for row in table.text)
@@ -438,7 +439,7 @@ def _gaps(table: FoundTable, found: _Found, mapping: Mapping[str, Any]) -> dict[
 
 
 def _kind(table: FoundTable, found: _Found) -> str:
-    """Whether the rows are stops: most of them far from the one before, or alike."""
+    """Kind of the rows: `stream` if there are over 200 in small joint steps, else `stops`."""
     joint = np.column_stack([table.column(name) for name in found.joints])
     steps = np.abs(np.diff(joint, axis=0)).max(axis=1)
     extent = float(np.max(np.ptp(joint[np.isfinite(joint).all(axis=1)], axis=0)))
@@ -450,7 +451,7 @@ def _kind(table: FoundTable, found: _Found) -> str:
 
 
 def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
-    """Time, payload, temperatures and turns, by their names; what is in doubt is left out."""
+    """Keys of a mapping for time, payload, direction, temperatures and rotation, by names."""
     more: dict[str, Any] = {}
     if not table.named:
         return more
@@ -487,7 +488,7 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
 
 
 def _told(more: Mapping[str, Any]) -> Iterator[str]:
-    """What columns beside joints and point are read as."""
+    """Describe how the columns besides joints and point are read."""
     for what, entries in more.items():
         for entry in entries if isinstance(entries, list) else [entries]:
             if isinstance(entry, str):
@@ -499,7 +500,7 @@ def _told(more: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _doubt_of_differences(table: FoundTable, found: _Found) -> None:
-    """Columns of differences beside a point that may be where the tool was to go."""
+    """Add a doubt if columns of differences suggest that the point is intended, not measured."""
     if not table.named or any(_READ.search(bare_name(name)[0]) for name in found.place):
         return
     found_of = {
@@ -530,7 +531,7 @@ def _columns_in(mapping: object) -> Iterator[str]:
                 yield from _columns_in(value)
 
 
-_DIGITS = r"(?:19|20)\d{12}"  # a day and time that look like a number
+_DIGITS = r"(?:19|20)\d{12}"  # date and time written as one number
 _FORMATS = (
     "%Y%m%d%H%M%S",
     "%Y-%m-%d %H:%M:%S",
@@ -544,11 +545,11 @@ _FORMATS = (
     "%H:%M:%S",
     "%H:%M:%S.%f",
 )
-_DAY = re.compile(r"\d{4}-\d{1,2}-\d{1,2}|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # without a time
+_DAY = re.compile(r"\d{4}-\d{1,2}-\d{1,2}|\d{1,2}[./]\d{1,2}[./]\d{2,4}")  # without time of day
 
 
 def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, Any]:
-    """A time by its unit, or by how it is written."""
+    """Key `time` of a mapping, by the column's unit or format; empty if it cannot be used."""
     from datetime import datetime
 
     column = table.names.index(name)
@@ -584,7 +585,7 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
 
 
 def _without_order(name: str, time: Array, found: _Found) -> bool:
-    """Whether a column tells no order of the rows, which is said."""
+    """Whether a column of times does not order the rows; the reason is added to the findings."""
     back = np.flatnonzero(np.diff(time) < 0)
     if back.size:
         found.sure.append(f"{name}: goes back at row {back[0] + 2} of the table; it is left out")
@@ -594,7 +595,7 @@ def _without_order(name: str, time: Array, found: _Found) -> bool:
 
 
 def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:
-    """The first rows as they would be read."""
+    """First rows as the mapping reads them, to be shown to the user."""
     joints, places = (
         {name: _with_unit(name, unit) for name, unit in zip(names, units, strict=True)}
         for names, units in (
@@ -612,5 +613,5 @@ def _rows(table: FoundTable, found: _Found) -> Iterator[dict[str, str]]:
 
 
 def _with_unit(name: str, unit: str) -> str:
-    """A column's name with the unit it is read in, once."""
+    """Name of a column with the unit in which it is read, unless the name has it already."""
     return name if bare_name(name)[1] == unit else f"{name} [{unit}]"

@@ -1,6 +1,6 @@
-"""What the columns of somebody's table are: a mapping file, with a unit for each of them.
+"""Mapping file: meaning and unit of every column of a user's table.
 
-A joint is (scale * number + offset) times its unit, everything else number times unit.
+A joint is (scale * number + offset) times its unit; any other quantity is number times unit.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ MASSES = {"g": 1e-3, "kg": 1.0}
 TIMES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 KELVIN = {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)}  # to deg C
 _STEPS = "microsteps"
-_THIN = 1e-3  # [m] off one line that three reflectors are at least
+_THIN = 1e-3  # [m] least second singular value of the reflectors' places: else they are collinear
 
 
 @dataclass(frozen=True)
 class Column:
-    """A column of numbers and what it takes to make SI of them."""
+    """A column of numbers and its conversion to SI."""
 
     name: str
     unit: str
     factor: float  # SI of one unit
     scale: float = 1.0
-    offset: float = 0.0  # in the unit
-    plus: tuple[tuple[str, float], ...] = ()  # other columns of the unit, and how often
+    offset: float = 0.0  # in the column's unit
+    plus: tuple[tuple[str, float], ...] = ()  # other columns to add, in the same unit; factors
 
 
 @dataclass(frozen=True)
@@ -44,12 +44,12 @@ class Turn:
 
     columns: tuple[Column, ...]
     form: str
-    axes: str  # of roll, pitch, yaw; small letters: about fixed axes
+    axes: str  # order of the axes of roll, pitch, yaw; small letters: about fixed axes
 
 
 @dataclass(frozen=True)
 class Reflector:
-    """One of several on the platform."""
+    """One of several reflectors on the platform."""
 
     columns: tuple[Column, ...]  # (3,) measured
     place: tuple[float, float, float]  # [m] in the platform's frame
@@ -57,7 +57,7 @@ class Reflector:
 
 @dataclass(frozen=True)
 class TableMapping:
-    """A mapping file, its joints in the robot's order."""
+    """Content of a mapping file, with its joints in the robot's order."""
 
     source: str
     stream: bool  # rows are samples of a motion, not stops
@@ -74,8 +74,8 @@ class TableMapping:
     reflectors: tuple[Reflector, ...]  # all of them, the one of `position` first; or none
     same_command: str
     payload: Column | None
-    temperature: tuple[tuple[str, Column], ...]  # part
-    direction: tuple[str, ...]  # one for all joints, or (m,)
+    temperature: tuple[tuple[str, Column], ...]  # part and its column
+    direction: tuple[str, ...]  # one column for all joints, or (m,)
     moving: str
     at_rest: tuple[str, ...]
 
@@ -93,7 +93,7 @@ class TableMapping:
 
 
 def read_mapping(path: Path, robot: Robot) -> TableMapping:
-    """The mapping of a file.
+    """Read a mapping file.
 
     Raises:
         ConfigError: no such file, an entry that is missing, unknown or not allowed, joints other
@@ -103,11 +103,11 @@ def read_mapping(path: Path, robot: Robot) -> TableMapping:
 
 
 def mapping_from(document: Document, path: Path, robot: Robot) -> TableMapping:
-    """The mapping that a document of the schema says.
+    """Mapping from a document that keeps to the schema.
 
     Args:
         document: the entries.
-        path: file that it is in, or would be in: names of other files are relative to it.
+        path: file of the document, existing or not: names of other files are relative to it.
         robot: whose joints it names.
 
     Raises:
@@ -145,7 +145,7 @@ def mapping_from(document: Document, path: Path, robot: Robot) -> TableMapping:
 
 
 def _bare(value: Any) -> Any:
-    """A document without blanks around its texts, as the names of a table's columns are read."""
+    """Strip blanks around all texts of a document, because names of columns are stripped too."""
     if isinstance(value, Mapping):
         return {key: _bare(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -175,9 +175,9 @@ def _require_whole(mapping: TableMapping, joints: int) -> None:
 
 
 def _require_apart(mapping: TableMapping, joints: Sequence[str]) -> None:
-    """Refuse a column, or a part's temperature, that stands for two things.
+    """Refuse a column that is used for two quantities, or a part with two temperatures.
 
-    The encoder of a joint may be its command: that is what a table without encoders means.
+    The encoder column of a joint may be its command column, as in a table without encoders.
     """
     turns = mapping.turn.columns if mapping.turn else ()
     uses = [("time", mapping.time), ("payload", mapping.payload)]
@@ -245,7 +245,7 @@ def _joint(entry: Mapping[str, Any], turning: bool, where: str) -> Column:
 
 
 def _plus(entry: Mapping[str, Any]) -> tuple[tuple[str, float], ...]:
-    """Columns that are added, each with its factor."""
+    """Columns to add to a joint's column, each with its factor."""
     return tuple((item["column"], item.get("scale", 1.0)) for item in entry.get("plus", ()))
 
 
@@ -277,7 +277,7 @@ def _turn(entry: Mapping[str, Any] | None, where: str) -> Turn | None:
 
 
 def _places(entry: Mapping[str, Any], where: str) -> tuple[Column, ...]:
-    """Three coordinates, each with a unit of its own or all alike, and what is added to them."""
+    """Columns of x, y and z, with one unit or one each, and the columns to add to them."""
     units = entry["unit"] if isinstance(entry["unit"], list) else [entry["unit"]] * 3
     added: list[str] = entry.get("plus", [])
     if added and len(added) != len(entry["columns"]):
@@ -290,7 +290,7 @@ def _places(entry: Mapping[str, Any], where: str) -> tuple[Column, ...]:
 
 
 def _reflectors(data: Mapping[str, Any], where: str) -> tuple[Reflector, ...]:
-    """That of `position` and those beside it, three or more in all; none where there is one."""
+    """Reflector of `position` and the others, three or more in all; empty if there is only one."""
     beside, first = data.get("reflectors", ()), data["position"]
     if not beside:
         if "place_mm" in first:
@@ -315,7 +315,7 @@ def _reflectors(data: Mapping[str, Any], where: str) -> tuple[Reflector, ...]:
 
 
 def _join(entry: Mapping[str, Any] | None, path: Path) -> Join | None:
-    """The second file, which lies beside the mapping where its path is relative."""
+    """Join of the second file; a relative path starts at the mapping's folder."""
     if entry is None:
         return None
     where, by = f"{path}: join", entry["by"]

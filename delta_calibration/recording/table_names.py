@@ -1,4 +1,4 @@
-"""Names of columns as people write them: without the unit, and the unit."""
+"""Split names of columns, as people write them, into name and unit."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import re
 
 from delta_calibration.recording.table_found import UNIT
 
-CLOCK = r"time|timestamp|zeit|stamp|t|clock|minutes?|seconds?"  # what a time is called
+CLOCK = r"time|timestamp|zeit|stamp|t|clock|minutes?|seconds?"  # names of times
 MEANT = {"minute": "min", "minutes": "min", "second": "s", "seconds": "s"}  # by the name alone
 _UNIT = re.compile(rf"[\[(/\s_]+({UNIT})[\])]*$", re.IGNORECASE)
-_CALLED = {  # as people write them -> a mapping's word
+_CALLED = {  # unit as people write it: unit of a mapping
     **dict.fromkeys(("radian", "radians"), "rad"),
     **dict.fromkeys(("degree", "degrees", "grad", "°"), "deg"),
     **dict.fromkeys(("sec", "second", "seconds"), "s"),

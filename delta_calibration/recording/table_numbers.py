@@ -1,4 +1,4 @@
-"""The numbers of a table, in SI, with the line that each came from."""
+"""Read the numbers of a table in SI, each with the line that it came from."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from delta_calibration.tables import Row
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STOP = 10.0  # [s] from row to row where a table of stops has no time
-_PAUSE = 1.1  # [s] stops nearer than this would not be told from a stream
+_STOP = 10.0  # [s] from row to row if a table of stops has no times
+_PAUSE = 1.1  # [s] stops closer in time could not be distinguished from a stream
 _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _SHOWN = 6  # texts of a column in a message, at most
-_APART = 0.5e-3  # [m] that reflectors lie at most from their places among each other
-_YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that has a date
+_APART = 0.5e-3  # [m] largest distance of a reflector from its place in the fitted platform frame
+_YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that includes a date
 _COMMA = re.compile(r"[+-]?[\d.' ]*\d,\d+")  # perhaps a decimal comma
-_NOT_UNIT = 1e-2  # of a quaternion's length that rounding does not explain
+_NOT_UNIT = 1e-2  # deviation of a quaternion or matrix from unit length, too large for rounding
 
 
 @dataclass(frozen=True)
 class TableNumbers:
-    """What a table says; n rows of m joints."""
+    """Numbers of a table in SI, for n rows and m joints."""
 
     file: Path
     rows: tuple[Row, ...]
@@ -56,17 +56,17 @@ class TableNumbers:
     notes: tuple[str, ...]
 
     def wrong(self, row: int, column: str, problem: str) -> InputError:
-        """What is wrong with the value of a row (from 0) in a column."""
+        """Error about the value of a row (from 0) in a column."""
         return self.rows[row].wrong(column, problem)
 
 
 def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumbers:
-    """The rows of a table that are used, measured with a noise of `sigma` [m] or more.
+    """Read the rows of a table that are used; `sigma` [m] is the least noise of a reading.
 
     Raises:
         InputError: no such file, a column missing, a cell that is empty or no finite number,
-            times that do not rise, rows there twice, none at rest, an impossible rotation or mark;
-            names file, line and column.
+            times that do not rise, repeated rows, none at rest, an impossible rotation or
+            direction; names file, line and column.
     """
     source = read_source(path, mapping.names, mapping.form, mapping.join)
     rows, notes = list(source.rows), list(source.notes)
@@ -120,7 +120,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
 
 
 def _left_out(rows: Sequence[Row], whole: Sequence[Row]) -> str:
-    """Which rows have gaps."""
+    """Note on the rows that have gaps."""
     kept = {id(row) for row in whole}
     lines = [str(row.line) for row in rows if id(row) not in kept]
     more, many = ", ..." * (len(lines) > _SHOWN), "s" * (len(lines) > 1)
@@ -148,12 +148,12 @@ def _number(row: Row, name: str) -> float:
 
 
 def _summed(row: Row, column: Column) -> float:
-    """A column, with what is added to it from others, in its unit."""
+    """Value of a column plus that of the columns to be added, in the column's unit."""
     return _number(row, column.name) + sum(k * _number(row, name) for name, k in column.plus)
 
 
 def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
-    """(n, columns) in SI."""
+    """Values of the columns in SI, (n, columns)."""
     raw = np.array([[_summed(row, c) for c in columns] for row in rows])
     scale, offset, factor = (
         np.array([getattr(c, name) for c in columns]) for name in ("scale", "offset", "factor")
@@ -162,7 +162,7 @@ def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
 
 
 def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
-    """(n,) [s]; by the rows' order where a table of stops has none."""
+    """Times of the rows, (n,) [s]; at equal steps if a table of stops has no times."""
     column = mapping.time
     if column is None:
         return np.asarray(_STOP * np.arange(1, len(rows) + 1), dtype=np.float64)
@@ -197,10 +197,10 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 
 def _moment(row: Row, name: str, form: str) -> float:
-    """Seconds since 1970; a time of day without a date is taken for one of the first day."""
+    """Seconds since 1970; a time of day without a date is taken as one of the first day."""
     try:
         moment = datetime.strptime((row.text[name] or "").strip(), form)
-    except (ValueError, re.error):  # the latter where the form has one part twice
+    except (ValueError, re.error):  # the latter if the form has a directive twice
         raise row.wrong(name, f"is not of the form {form!r}") from None
     if not _YEAR.search(form):
         moment = moment.replace(year=1970)
@@ -214,7 +214,7 @@ def _moves(row: Row, mapping: TableMapping) -> bool:
 
 
 def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
-    """(n, 4) x y z w of length one."""
+    """Unit quaternions of measured rotations, (n, 4) x y z w."""
     if not rows:
         return np.zeros((0, 4))
     values = _columns(rows, turn.columns)
@@ -251,7 +251,7 @@ def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
 
 
 def _turns(rows: Sequence[Row], reflectors: Sequence[Reflector]) -> Array:
-    """Quaternions (n, 4) of the platform by three reflectors or more on it."""
+    """Quaternions (n, 4) of the platform, fitted to three or more reflectors on it."""
     place = np.array([reflector.place for reflector in reflectors])
     point = np.stack([_columns(rows, reflector.columns) for reflector in reflectors], axis=1)
     found = np.empty((len(rows), 4))
@@ -281,7 +281,7 @@ def _matrices(rows: Sequence[Row], matrix: Array, names: Sequence[str]) -> Array
 
 
 def _in_order(values: Array, axes: str) -> Array:
-    """Roll, pitch, yaw (about x, y, z) in the order in which the axes are turned about."""
+    """Sort roll, pitch, yaw (about x, y, z) into the order of the rotations."""
     return values[:, ["xyz".index(axis) for axis in axes.lower()]]
 
 
@@ -294,7 +294,7 @@ def _payload(rows: Sequence[Row], column: Column) -> Array:
 
 
 def _celsius(rows: Sequence[Row], mapping: TableMapping) -> Array:
-    """(n, parts) [deg C]."""
+    """Temperatures of the parts, (n, parts) [deg C]."""
     columns = [column for _, column in mapping.temperature]
     if not columns:
         return np.zeros((len(rows), 0))
@@ -312,7 +312,7 @@ def _celsius(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 
 def _directions(rows: Sequence[Row], mapping: TableMapping) -> Array:
-    """(n, m) -1, 0, 1: the way that each joint came."""
+    """Direction of approach of each joint, (n, m): -1, 0 or 1."""
     sides = np.array([[_number(row, name) for name in mapping.direction] for row in rows])
     bad = np.argwhere(~np.isin(sides, (-1.0, 0.0, 1.0)))
     if len(bad):
@@ -322,7 +322,7 @@ def _directions(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 
 def _require_same(numbers: TableNumbers, mapping: TableMapping) -> None:
-    """Refuse rows that are said to repeat a command and have another."""
+    """Refuse rows that are labelled as one command but have different commands."""
     first: dict[str, int] = {}
     for row, line in enumerate(numbers.rows):
         label = (line.text[mapping.same_command] or "").strip()

@@ -1,4 +1,4 @@
-"""Two found tables put together: a robot's log and an instrument's export."""
+"""Join two found tables: a robot's log and an instrument's export."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from delta_calibration.recording.table_names import CLOCK, MEANT, bare_name
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]  # (k, 2), rows of the first and of the second table
 
-_SHARED = 0.5  # of the shorter table's rows: names that both tables must have to go by them
+_SHARED = 0.5  # of the shorter table's rows: least number of common texts, to join by names
 _CLOCK = re.compile(rf"({CLOCK})$")
-_SECOND = " (2)"  # behind a column's name that the first table has as well
+_SECOND = " (2)"  # suffix of a column's name that the first table has as well
 
 
 def paired(
@@ -36,11 +36,11 @@ def paired(
         left: the first table.
         right: the second one.
         path: file of the first.
-        other: file of the second and how rows go together (`by`; empty to find it).
+        other: file of the second and how rows are joined (`by`; empty to find it).
         beside: file of the mapping, to which the path of the second file is relative.
 
     Raises:
-        InputError: no way in which the rows go together.
+        InputError: the rows cannot be joined in this way, or in any if `by` is empty.
     """
     right = _distinct(left, right)
     ways = {"name": _by_name, "row": _by_row, "nearest": _by_nearest}
@@ -60,7 +60,7 @@ def paired(
 
 
 def _first_rows(left: FoundTable, right: FoundTable, other: Other) -> str:
-    """What to do where one table goes on behind the end of the other."""
+    """Hint for joining by row if one table is longer than the other, else empty."""
     short = min(len(left.text), len(right.text))
     if other.by not in ("", "row") or len(left.text) == len(right.text):
         return ""
@@ -74,7 +74,7 @@ _Found = tuple[Pairs, dict[str, Any], str] | None
 
 
 def _by_name(left: FoundTable, right: FoundTable, _: Other) -> _Found:
-    """The two columns that have most texts in common, each text once."""
+    """Join by the two columns with most texts in common, each text once in its column."""
     best: _Found = None
     for ours, theirs in product(_keys(left), _keys(right)):
         place = {text: k for k, text in enumerate(right.texts(theirs))}
@@ -87,7 +87,7 @@ def _by_name(left: FoundTable, right: FoundTable, _: Other) -> _Found:
 
 
 def _keys(table: FoundTable) -> Iterator[str]:
-    """Columns with a different text in every row, that are no measured numbers."""
+    """Columns that can be keys: a different text in every row, and no numbers with decimals."""
     for name in table.names:
         texts, number = table.texts(name), table.column(name)
         whole = np.isnan(number) | (number == np.round(number))
@@ -102,7 +102,7 @@ def _by_row(left: FoundTable, right: FoundTable, _: Other) -> _Found:
 
 
 def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
-    """Columns of time in numbers, each row with the nearest of the other table."""
+    """Join by numeric times: each row with the row of the other table that is nearest in time."""
     times = _times(left, right)
     if times is None:
         return None
@@ -121,7 +121,7 @@ def _by_nearest(left: FoundTable, right: FoundTable, other: Other) -> _Found:
 
 @dataclass(frozen=True)
 class _Clock:
-    """A column of times in numbers."""
+    """A column of times as numbers."""
 
     column: str
     unit: float  # [s]
@@ -132,7 +132,7 @@ class _Clock:
 
 
 def _times(left: FoundTable, right: FoundTable) -> tuple[_Clock, _Clock] | None:
-    """The column of time of either table, if both have one in numbers."""
+    """Numeric time columns of both tables; None if one of them has none."""
     ours, theirs = (next(_clocks(table), None) for table in (left, right))
     return (ours, theirs) if ours and theirs else None
 
@@ -145,10 +145,10 @@ def _clocks(table: FoundTable) -> Iterator[_Clock]:
 
 
 def _require_one_unit(times: tuple[_Clock, _Clock], other: Other) -> None:
-    """Refuse times in two units: rows are compared as they are written.
+    """Refuse times in two units, because rows are compared as they are written.
 
     Raises:
-        InputError: they are.
+        InputError: the units differ.
     """
     if times[0].unit != times[1].unit:
         raise InputError(
@@ -158,7 +158,7 @@ def _require_one_unit(times: tuple[_Clock, _Clock], other: Other) -> None:
 
 
 def _how_far(left: FoundTable, right: FoundTable, other: Other) -> str:
-    """What to change for rows to go together by time, where both tables have one."""
+    """Hint for joining by time (--within, --shift) if both tables have times, else empty."""
     times = _times(left, right)
     if times is None:
         return ""
@@ -173,7 +173,7 @@ def _how_far(left: FoundTable, right: FoundTable, other: Other) -> str:
 
 
 def _distinct(left: FoundTable, right: FoundTable) -> FoundTable:
-    """The second table with other names for columns that the first has as well."""
+    """Second table, with its columns renamed whose names the first table has as well."""
     if not set(left.names) & set(right.names):
         return right
     names = tuple(f"{name}{_SECOND}" if name in left.names else name for name in right.names)

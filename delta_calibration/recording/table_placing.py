@@ -1,8 +1,9 @@
-"""A robot's drawing laid before the tracker as most rows of a table have it.
+"""Robust fit of the nominal robot's frame and reflector offset to most rows of a table.
 
-The drawing at the commanded joints, in the best frame before the tracker, misses measured points
-by what a machine is off its drawing and by where its reflector really is: little beside the way
-that the points lie apart. Numbers that are not what they are said to be are off by their own size.
+The residual of a row is the distance from the measured point to the nominal robot at the commanded
+joints, in the best-fit tracker frame. It comes from the machine's deviation from nominal and from
+the reflector offset, and is small compared with the spread of the points. Numbers with a wrong
+meaning or unit have residuals as large as themselves.
 """
 
 from __future__ import annotations
@@ -20,38 +21,38 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Way = tuple[Array, Array]  # joints (n, m) and measured points (n, 3) [m]
 
-FEWEST = 6  # rows to lay a frame on
-_TRIPLES = 200  # frames tried on three points each: that of the least median is believed, ...
-_ROUNDS = 6  # ... and the frame and the reflector then laid anew so many times ...
-_SETTLED = 0.99  # of the miss: a round that leaves more is the last
-_CLOSE = 4.0  # ... on the rows that miss by less than so many medians
-_THIN = 1e-3  # of three points' extent: nearer to one line they span no frame
+FEWEST = 6  # rows to fit a frame to
+_TRIPLES = 200  # frames through three rows each; that of the least median residual is refined
+_ROUNDS = 6  # refinements of frame and reflector offset at most
+_SETTLED = 0.99  # of the median residual: a refinement that leaves more is the last
+_CLOSE = 4.0  # median residuals: a refinement uses the rows below
+_THIN = 1e-3  # of the longer squared side of three points: least cross product of two sides
 
 
 @dataclass(frozen=True)
 class Placed:
-    """The drawing before the tracker; of several ways to read the rows, each row by its best."""
+    """Nominal robot in its best-fit tracker frame; each row is read in the way that fits best."""
 
     robot: Robot
     frame: Frame  # T_tracker_base
     offset: Array  # (3,) [m] of the reflector
-    typical: float  # [m] median miss; infinite where most rows are out of reach
-    # [m] median distance of the points from their middle, or of the drawing's if that is less
+    typical: float  # [m] median residual; infinite if most rows are out of reach
+    # [m] median distance of the measured points from their median, or of the nominal ones if less
     spread: float
 
     @property
     def share(self) -> float:
-        """The median miss as a share of how far the points lie apart."""
+        """Median residual over the spread of the points."""
         return self.typical / self.spread if self.spread else np.inf
 
     @property
     def close(self) -> float:
-        """Rows that miss by less are where most are [m]."""
+        """Largest residual of rows that agree with most others [m]."""
         return _CLOSE * self.typical
 
     @classmethod
     def on(cls, robot: Robot, ways: Sequence[Way]) -> Placed | None:
-        """Laid on rows that may be read in several ways; None where nothing can be."""
+        """Fit to rows that may be read in several ways; None if no frame can be fitted."""
         offset = robot.tracker.reflector_offset
         read = [_Read.of(robot, way) for way in ways]
         rng = np.random.default_rng(0)
@@ -72,7 +73,7 @@ class Placed:
         return placed
 
     def missed(self, way: Way) -> Array:
-        """Distances between drawing and points, (n,) [m]; infinite out of reach or limits."""
+        """Residuals of rows, (n,) [m]; infinite out of reach or limits."""
         return _Read.of(self.robot, way).missed_in(self.frame, self.offset)
 
     def _judged(self, read: Sequence[_Read]) -> Placed:
@@ -83,7 +84,7 @@ class Placed:
         return replace(self, typical=float(np.median(missed.min(axis=0))), spread=spread)
 
     def _again(self, read: Sequence[_Read]) -> Placed:
-        """With the frame and the reflector laid on the rows that are close."""
+        """Refit frame and reflector offset to the close rows; unchanged if that is no better."""
         if not np.isfinite(self.typical):
             return self
         missed = np.array([r.missed_in(self.frame, self.offset) for r in read])
@@ -101,7 +102,7 @@ class Placed:
         return found if found.typical < self.typical else self
 
     def _offset(self, frame: Frame, centre: Array, rotation: Array, point: Array) -> Array:
-        """A better place of the reflector, (3,) [m], the frame being free to follow."""
+        """Improved reflector offset, (3,) [m], with the frame free to adapt."""
         predicted = frame.apply(centre + rotation @ self.offset)
         tracker, weights = self.robot.tracker, np.ones(len(point))
         pull = (self.typical / tracker.reflector_offset_prior) ** 2
@@ -113,7 +114,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class _Read:
-    """Rows read in one way: the drawing's poses and the measured points."""
+    """Rows read in one way: poses of the nominal robot and measured points."""
 
     reached: NDArray[np.bool_]  # (n,) within reach and limits
     centre: Array  # (n, 3) [m] of the platform
@@ -133,7 +134,7 @@ class _Read:
         return cls(reached, model.position(x), model.rotation(x), point)
 
     def frames(self, offset: Array, rng: np.random.Generator) -> Iterator[tuple[Array, Array]]:
-        """Rotations (k, 3, 3) and shifts (k, 3) of frames that three rows each span."""
+        """Rotations (k, 3, 3) and shifts (k, 3) [m] of frames fitted to three rows each."""
         rows = np.flatnonzero(self.reached)
         if len(rows) < FEWEST:
             return
@@ -151,30 +152,30 @@ class _Read:
         yield rotation, shift
 
     def missed(self, rotation: Array, shift: Array, offset: Array) -> Array:
-        """Distances in each of k frames, (k, n) [m]; infinite where it does not reach."""
+        """Residuals in each of k frames, (k, n) [m]; infinite if out of reach."""
         place = self.centre + self.rotation @ offset
         predicted = place @ np.swapaxes(rotation, -1, -2) + shift[..., None, :]
         missed = np.linalg.norm(predicted - self.point, axis=-1)
         return np.where(self.reached, missed, np.inf)
 
     def missed_in(self, frame: Frame, offset: Array) -> Array:
-        """Distances in one frame, (n,) [m]."""
+        """Residuals in one frame, (n,) [m]."""
         return self.missed(frame.rotation, frame.translation, offset)
 
 
 def _wide(three: Array) -> NDArray[np.bool_]:
-    """Which of k times three points (k, 3, 3) are not on one line, (k,)."""
+    """Mask (k,) of the triples of points (k, 3, 3) that are not collinear."""
     a, b = three[:, 1] - three[:, 0], three[:, 2] - three[:, 0]
     area = np.linalg.norm(np.cross(a, b), axis=1)
     return np.asarray(area > _THIN * np.maximum(np.sum(a**2, axis=1), np.sum(b**2, axis=1)))
 
 
 def _chosen(read: Sequence[_Read], missed: Array, name: str) -> Array:
-    """What each row has in the way that misses least; missed (ways, n)."""
+    """Attribute `name` of each row in the reading of least residual; missed (ways, n) [m]."""
     values = np.array([getattr(r, name) for r in read])
     return np.asarray(values[missed.argmin(axis=0), np.arange(missed.shape[1])])
 
 
 def _apart(place: Array) -> float:
-    """How far places (n, 3) lie from their middle [m], whatever a few of them do."""
+    """Median distance [m] of places (n, 3) from their median, robust to outliers."""
     return float(np.median(np.linalg.norm(place - np.median(place, axis=0), axis=1)))

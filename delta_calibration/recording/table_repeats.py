@@ -1,8 +1,8 @@
-"""Rows of a table that are copies of others, not measurements of their own.
+"""Detect rows of a table that are copies of others, not independent measurements.
 
 A reading has noise in its last digits. Two rows with the same commands and the same measured
-values to the last digit are one measurement, copied, unless the digits are so coarse that noise
-does not show in them. How likely that is follows from the step of the digits and the tracker.
+values to the last digit are copies of one measurement, unless the digits are too coarse to show
+noise. The probability of that follows from the step of the last digit and the tracker's noise.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from delta_calibration.texts import number_of
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_CHANCE = 1e-4  # of so many equal rows by rounding, under which they are copies
+_CHANCE = 1e-4  # probability of so many equal rows by rounding; below it they are copies
 _SHOWN = 6  # ranges of lines in a message, at most
 _WAYS = "`repeated: skip` in the mapping leaves {} out, `keep` believes {}"
 
@@ -31,17 +31,17 @@ _WAYS = "`repeated: skip` in the mapping leaves {} out, `keep` believes {}"
 def new_rows(
     rows: Sequence[Row], moves: Mask, mapping: TableMapping, sigma: float
 ) -> tuple[Mask, list[str]]:
-    """Which rows are measurements of their own, (n,), and notes on the others.
+    """Mask (n,) of the rows that are independent measurements, and notes on the others.
 
     Args:
         rows: of the table.
         moves: (n,) rows in motion, whose measurements are not used.
-        mapping: what their columns are, and what is done with repeats.
-        sigma: standard deviation of a reading along any axis, at least [m].
+        mapping: meaning of the columns, and treatment of repeated rows.
+        sigma: least standard deviation of a reading along any axis [m].
 
     Raises:
-        InputError: rows that repeat others, where the mapping does not let them pass; names file
-            and lines.
+        InputError: rows that repeat others, if the mapping does not allow them; names file and
+            lines.
     """
     new = np.ones(len(rows), dtype=bool)
     if mapping.repeated == "keep":
@@ -81,7 +81,7 @@ def new_rows(
 def _copies(
     rows: Sequence[Row], among: NDArray[np.intp], mapping: TableMapping
 ) -> tuple[list[int], list[int]]:
-    """Rows with commands and measurements of an earlier one, and which that is."""
+    """Rows that repeat commands and measurements of an earlier row, and the earlier rows."""
     measured = _measured(mapping)
     seen: dict[Hashable, int] = {}
     pairs = [(k, seen.setdefault(_values(rows[k], measured), k)) for k in among.tolist()]
@@ -89,14 +89,14 @@ def _copies(
 
 
 def _measured(mapping: TableMapping) -> tuple[Column, ...]:
-    """Columns in which no two measurements are alike; of a stream, the time is one."""
+    """Columns that cannot all be equal in two measurements; the time is one in a stream."""
     turns = mapping.turn.columns if mapping.turn else ()
     time = (mapping.time,) if mapping.stream and mapping.time else ()
     return (*mapping.commands, *mapping.encoders, *mapping.position, *turns, *time)
 
 
 def _values(row: Row, columns: Sequence[Column]) -> tuple[float | str, ...]:
-    """Numbers, however they are written; texts that are none as they are."""
+    """Cells of a row as numbers, however they are written; other texts unchanged."""
     texts = [(row.text[column.name] or "").strip() for column in columns]
     return tuple(text if (value := number_of(text)) != value else value for text in texts)
 
@@ -109,7 +109,7 @@ def _by_chance(
     mapping: TableMapping,
     sigma: float,
 ) -> bool:
-    """Whether rounding makes as many rows of one command equal."""
+    """Whether rounding alone explains the number of equal rows with the same command."""
     said = [rows[k] for k in np.flatnonzero(among).tolist()]
     commands = Counter(_values(row, mapping.commands) for row in said)
     of_each = np.array([*commands.values()])
@@ -120,7 +120,7 @@ def _by_chance(
 
 
 def _at_least(equal: int, tries: int, alike: float) -> float:
-    """Probability of as many among so many tries, each alike so often: a binomial law's tail.
+    """Binomial tail: probability of `equal` or more of `tries`, each with probability `alike`.
 
     `scipy.special.bdtrc` counts in 32 bits, and pairs of rows are more than that.
     """
@@ -128,13 +128,13 @@ def _at_least(equal: int, tries: int, alike: float) -> float:
 
 
 def _step(rows: Sequence[Row], column: Column) -> float:
-    """Of the last digit that a column has [m]."""
+    """Step of the last digit in a column [m]."""
     last = min(_last_digit(row.text[column.name] or "") for row in rows)
     return float(10.0**last) * abs(column.factor)
 
 
 def _last_digit(text: str) -> int:
-    """Its power of ten."""
+    """Power of ten of the last digit of a number."""
     try:
         power = Decimal(text.strip()).as_tuple().exponent
     except InvalidOperation:
@@ -143,13 +143,13 @@ def _last_digit(text: str) -> int:
 
 
 def _alike(step: float, sigma: float) -> float:
-    """Chance that two readings of one value with normal noise round to the same multiple."""
+    """Probability that two readings of one value round to the same multiple of `step`."""
     x = step / (2 * sigma)
     return float(erf(x) + np.expm1(-(x**2)) / (x * np.sqrt(np.pi)))
 
 
 def lines_of(rows: Sequence[Row], some: Sequence[int]) -> str:
-    """Lines of rows in words: `lines 3 to 8, 12`; rows one below the other are a range."""
+    """Line numbers of rows in words, such as `lines 3 to 8, 12`; adjacent rows form a range."""
     places = sorted(set(some))
     runs: list[list[int]] = []
     for k in places:

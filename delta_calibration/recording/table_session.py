@@ -1,4 +1,4 @@
-"""Anyone's table as a session: its rows become the streams that a cell would have recorded."""
+"""Convert a user's table to a session: its rows become streams as a cell would record them."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
-_LEAD_NS = 1_000_000_000  # before the first row, in which the way into it begins
+_LEAD_NS = 1_000_000_000  # [ns] before the first row, for the approach to it
 
 
 def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session:
-    """The session that a table says.
+    """Session made from a table.
 
-    Each row is a command and what was measured there. Rows in motion are commands only. Where a
-    row says from which side its joints came, a command short of it is put before it.
+    Each row gives a command and the measurement there. Rows in motion give commands only. If a
+    row has directions of approach, a command short of it is inserted before it.
 
     Raises:
-        InputError: the table does not have the mapping's form, or numbers that the robot cannot
-            have; names file, line, column and value.
+        InputError: the table does not have the mapping's form, or has numbers that are impossible
+            for the robot; names file, line, column and value.
     """
     tracker = robot.tracker
     sigma = min(tracker.radial, tracker.transverse)
@@ -62,7 +62,7 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
 
 
 def _commands(numbers: TableNumbers, at: Stamps, robot: Robot) -> JointStream:
-    """Each row's command; before it, where a side is given, one short of it by that side."""
+    """Command of each row; if a direction is given, preceded by a command short of it."""
     names, command = robot.joints.names, numbers.command
     if numbers.direction is None:
         return JointStream(at, names, command)
@@ -74,6 +74,6 @@ def _commands(numbers: TableNumbers, at: Stamps, robot: Robot) -> JointStream:
 
 
 def _payloads(mass: Array, at: Stamps) -> PayloadStream:
-    """A message where the payload changes; its centre is the platform's."""
+    """One message for each change of the payload; its centre is at the platform's origin."""
     change = np.flatnonzero(np.diff(mass, prepend=np.nan) != 0)
     return PayloadStream(at[change], mass[change], np.zeros((len(change), 3)))

@@ -1,4 +1,4 @@
-"""What a mapping may have got wrong: other units, columns in one another's place, other signs."""
+"""Possible mistakes of a mapping: wrong units, swapped columns, wrong signs."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Slip:
-    """Columns that are not what they are said to be."""
+    """A possible mistake: columns that differ from what the mapping states."""
 
     columns: tuple[Column, ...]
-    unit: str  # that they likely have; empty where the unit is not what is wrong
-    said: str  # what they likely are
-    meant: Callable[[Way], Way]  # what they say then
+    unit: str  # their likely unit; empty if the mistake is not the unit
+    said: str  # description of what they likely are
+    meant: Callable[[Way], Way]  # corrects joints and points read by the mapping
 
 
 def unit_slips(mapping: TableMapping) -> Iterator[Slip]:
-    """Other units of each column by itself, of all commands, of all of the position."""
+    """Wrong units: of each single column, of all commands, of all columns of the position."""
     groups = [[c] for c in (*mapping.position, *mapping.commands)]
     groups += [
         list(columns)
@@ -39,9 +39,9 @@ def unit_slips(mapping: TableMapping) -> Iterator[Slip]:
 
 
 def other_units(columns: Sequence[Column]) -> Iterator[tuple[str, float]]:
-    """Units of the same kind, and what SI values would be by them, of those by the stated unit.
+    """Other units of the same kind, each with its factor relative to the stated unit.
 
-    None for microsteps and for what has an offset.
+    None for microsteps and for columns with an offset.
     """
     unit = columns[0].unit
     kind: Mapping[str, float] = next((u for u in (ANGLES, LENGTHS) if unit in u), {})
@@ -53,7 +53,7 @@ def other_units(columns: Sequence[Column]) -> Iterator[tuple[str, float]]:
 
 
 def order_slips(mapping: TableMapping) -> Iterator[Slip]:
-    """A left-handed frame, joints of the other sign, two joints in each other's place."""
+    """Wrong signs and order: a left-handed frame, reversed joints, two swapped joints."""
     commands = mapping.commands
     yield Slip(
         mapping.position,
@@ -86,7 +86,7 @@ def _times(
 
 
 def _reversed(some: Sequence[int], commands: Sequence[Column]) -> Callable[[Way], Way]:
-    """With the numbers of some joints negated; what is added to them stays."""
+    """Negate the numbers of some joints; their offsets keep their sign."""
     sign, zero = np.ones(len(commands)), np.zeros(len(commands))
     for k in some:
         sign[k], zero[k] = -1.0, 2 * commands[k].offset * commands[k].factor

@@ -1,6 +1,6 @@
 """Tables as programs write them: encodings, preambles, decimal commas, workbooks, two files.
 
-What comes out are lines with plain numbers (`tables.Row`), whatever the file looked like.
+The result is always rows with plain numbers (`tables.Row`), whatever the format of the file.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 
 _WORKBOOK = b"PK\x03\x04"
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
-# of what instruments and their computers write; the first that fits is not always the likeliest
+# encodings of instruments and their computers; the first that fits is not always the likeliest
 _LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
-_MOST_ROWS, _MOST_CELLS = 1 << 20, 50_000_000  # of a sheet, empty ones between others as well
+_MOST_ROWS, _MOST_CELLS = 1 << 20, 50_000_000  # of a sheet, including empty ones in between
 _PREAMBLE = 200  # lines that may stand before the names of the columns
 _WITH_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _WITH_POINT = re.compile(r"[+-]?\d*\.\d+(?:[eE][+-]?\d+)?")
@@ -46,16 +46,16 @@ class Form:
     Attributes:
         delimiter: between two values.
         decimal: `.` or `,`.
-        thousands: what parts the thousands; empty where nothing does.
-        encoding: of the text; empty to find it.
+        thousands: separator between thousands; empty if there is none.
+        encoding: of the text; empty to detect it.
         header_line: line with the names of the columns, from 1; 0 to find it by the names.
-        columns: their names where no line has them.
-        sheet: of a workbook; its first where empty.
-        comment: what lines begin with that are none; empty where there are none.
-        first_line: line that the numbers begin in, from 1, where `columns` are said.
-        more: whether columns behind those of `columns` are left out.
-        pattern: of a row, where the file is no table: each of its groups is a column.
-        either: whether decimals may have a comma: a program writes them as its computer does.
+        columns: their names if no line has them.
+        sheet: of a workbook; its first one if empty.
+        comment: prefix of comment lines, which are skipped; empty if there are none.
+        first_line: line in which the numbers begin, from 1, if `columns` are given.
+        more: whether further columns, after those of `columns`, are left out.
+        pattern: regular expression of a row, if the file is no table: each group is a column.
+        either: whether decimals may have a comma, as a program follows its computer's settings.
     """
 
     delimiter: str = ","
@@ -73,10 +73,11 @@ class Form:
 
     @classmethod
     def of(cls, entry: Mapping[str, Any], delimiter: str, where: str) -> Form:
-        """From a mapping's section.
+        """Form described by section `table` of a mapping.
 
         Raises:
-            ConfigError: one mark for decimals and thousands, or for decimals and columns.
+            ConfigError: the same mark for decimals and thousands or columns, or keys that exclude
+                each other.
         """
         own = {"delimiter": delimiter, **entry}
         if "preset" in entry:
@@ -98,13 +99,13 @@ class Form:
 
     @property
     def number(self) -> re.Pattern[str]:
-        """A number as it is written here, where that is not the plain way."""
+        """Pattern of a number with this form's decimal mark and separator of thousands."""
         parted = rf"\d{{1,3}}(?:{re.escape(self.thousands)}\d{{3}})+|" if self.thousands else ""
         mark = re.escape(self.decimal)
         return re.compile(rf"[+-]?(?:{parted}\d+)?(?:{mark}\d*)?(?:[eE][+-]?\d+)?")
 
     def plain(self, text: str) -> str:
-        """A cell with a plain number where it holds one, else as it is."""
+        """Cell with its number written plainly; unchanged if it holds no number."""
         bare = text.strip().replace("\u2212", "-")
         if self.number.fullmatch(bare) is None:
             return text
@@ -115,16 +116,16 @@ class Form:
 
 @dataclass(frozen=True)
 class Join:
-    """A second table beside the first.
+    """Second table and how its rows are joined to those of the first.
 
     Attributes:
-        file: of the second.
+        file: of the second table.
         by: `row`, `column` or `nearest`.
-        left: column of the first that is compared, where rows are not.
-        right: that of the second.
-        within: [in the columns' unit] the nearest may be away.
-        shift: [in the columns' unit] of the second's clock, added to its values.
-        form: how the second is written.
+        left: column of the first table that is compared, unless joined by row.
+        right: column of the second table that is compared with it.
+        within: [the columns' unit] largest difference to the nearest value.
+        shift: [the columns' unit] added to the values of the second table, such as its clock.
+        form: how the second table is written.
     """
 
     file: Path
@@ -138,24 +139,24 @@ class Join:
 
 @dataclass(frozen=True)
 class Source:
-    """Rows with what is to be told of how they were read."""
+    """Rows of a table, with notes on how they were read."""
 
     rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()
 
 
 def read_source(path: Path, names: Sequence[str], form: Form, join: Join | None) -> Source:
-    """The rows of a table, or of two.
+    """Read the rows of one table, or of two joined ones.
 
     Args:
         path: of the table.
         names: columns that one of the files has to have.
         form: how it is written.
-        join: the second table; None where there is none.
+        join: the second table; None if there is none.
 
     Raises:
         InputError: no such file, a column missing, in both files or there twice, a line too long,
-            no line, rows that do not go together; names file and line.
+            no line, rows that cannot be joined; names file and line.
     """
     if join is None:
         return _read(path, names, form, names)
@@ -167,7 +168,7 @@ def read_source(path: Path, names: Sequence[str], form: Form, join: Join | None)
 
 
 def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -> Source:
-    """The rows of one file; the columns that it may have and those that it has to have."""
+    """Rows of one file, which may have the columns `names` and must have those in `needed`."""
     lines, notes = _lines(path, form)
     head = -1 if form.columns else _header(lines, names, form, path)
     found = list(form.columns) if form.columns else [name.strip() for name in lines[head][1]]
@@ -188,7 +189,7 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
 def _mapped(
     lines: Sequence[tuple[int, list[str]]], found: Sequence[str], names: Sequence[str]
 ) -> list[str]:
-    """Cells of the columns that are asked for: a point's name may be `1.2` or `1,2`."""
+    """Cells of the wanted columns only, because a point's name may be `1.2` or `1,2`."""
     return [
         cell.strip()
         for _, cells in lines
@@ -198,9 +199,9 @@ def _mapped(
 
 
 def _by_marks(form: Form, cells: Sequence[str], path: Path) -> tuple[Form, tuple[str, ...]]:
-    """The form with decimal commas, where it may have them and has, and a note of it.
+    """Form with decimal commas and a note of it, if they are allowed and found in the cells.
 
-    `1,234` alone may be a thousand, and beside a number with a point a comma is no decimal mark.
+    `1,234` alone may be a thousand, and a comma is no decimal mark if another number has a point.
     """
     if not form.either or form.delimiter == ",":
         return form, ()
@@ -214,7 +215,7 @@ def _by_marks(form: Form, cells: Sequence[str], path: Path) -> tuple[Form, tuple
 
 
 def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
-    """Lines that are not empty, with their numbers, from the first that counts."""
+    """Lines that are not empty, with their line numbers, from the form's first line on."""
     data = read_bounded(path)
     notes: tuple[str, ...] = ()
     if data.startswith(_WORKBOOK):
@@ -234,9 +235,10 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
 
 
 def _require_points(path: Path, form: Form, lines: Sequence[tuple[int, list[str]]]) -> None:
-    """Refuse decimal commas where commas part the columns, and those behind are left out.
+    """Refuse a file whose commas may separate both decimals and columns.
 
-    `P1,2788,6823,-518,7024` would be a point of whole millimetres, with more columns.
+    `P1,2788,6823,-518,7024` would be read as a point in whole millimetres with further columns,
+    which are left out.
     """
     rows = [(line, cells) for line, cells in lines if line >= form.first_line]
     if not (form.either and form.more and form.delimiter == "," and rows):
@@ -252,7 +254,7 @@ def _require_points(path: Path, form: Form, lines: Sequence[tuple[int, list[str]
 
 
 def lines_of_file(path: Path, form: Form) -> list[tuple[int, list[str]]]:
-    """Lines of a table, with their numbers, as they are cut by a form.
+    """Lines of a table split into cells by a form, with their line numbers.
 
     Raises:
         InputError: no such file, or nothing in it.
@@ -261,7 +263,7 @@ def lines_of_file(path: Path, form: Form) -> list[tuple[int, list[str]]]:
 
 
 def sheets_of(path: Path) -> list[str]:
-    """Names of the sheets of a workbook; empty of a text file.
+    """Names of the sheets of a workbook; empty for a text file.
 
     Raises:
         InputError: no such file, or a workbook that cannot be read.
@@ -276,7 +278,7 @@ def is_gap(cell: str | None) -> bool:
 
 
 def _cut(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
-    """Lines of a text, at their delimiter; without comments."""
+    """Lines of a text split at the delimiter, without comment lines."""
     stream = io.StringIO(text, newline="")
     reader = csv.reader(stream, delimiter=form.delimiter, skipinitialspace=True)
     try:
@@ -289,7 +291,7 @@ def _cut(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
 
 
 def _matches(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]]]:
-    """Rows of a program's text, each with the line that it begins in."""
+    """Rows of a program's text that match the form's pattern, each with its first line number."""
     matches = list(re.finditer(form.pattern, text, re.IGNORECASE))
     line, end = 1, 0
     for match in matches:
@@ -301,7 +303,7 @@ def _matches(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]
 
 
 def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
-    """A file's text; what its encoding was taken for is told where nobody said it."""
+    """Decoded text of a file, with a note if its encoding had to be detected."""
     known = form.encoding or next(
         (name for mark, name in _MARKS if data.startswith(mark)), "utf-8"
     )
@@ -323,7 +325,7 @@ def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
 
 
 def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]]]:
-    """Rows of a workbook's sheet, numbers to their last digit."""
+    """Rows of a workbook's sheet, with all digits of the numbers."""
     sheets = _workbook(path, data)
     if form.sheet and form.sheet not in sheets:
         raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(list(sheets))}")
@@ -341,7 +343,7 @@ def _workbook(path: Path, data: bytes) -> dict[str, Any]:
             "pip install openpyxl, or export a text file (CSV)"
         ) from error
     try:
-        with ZipFile(io.BytesIO(data)) as archive:  # which unpacks no more than it declares
+        with ZipFile(io.BytesIO(data)) as archive:  # ZipFile unpacks no more than is declared
             size = sum(entry.file_size for entry in archive.infolist())
         if size > MOST_TEXT:
             raise InputError(
@@ -350,7 +352,7 @@ def _workbook(path: Path, data: bytes) -> dict[str, Any]:
         book = load_workbook(io.BytesIO(data), read_only=True, data_only=True)
     except InputError:
         raise
-    except Exception as error:  # whatever is wrong with an archive that somebody renamed
+    except Exception as error:  # a damaged or renamed archive fails in many ways
         raise InputError(f"{path}: is no workbook (xlsx): {error}") from error
     sheets = {sheet.title: sheet for sheet in book.worksheets}
     if not sheets:
@@ -359,12 +361,12 @@ def _workbook(path: Path, data: bytes) -> dict[str, Any]:
 
 
 def _rows_of(path: Path, sheet: Any) -> Iterator[tuple[int, list[str]]]:
-    """Rows of a sheet that have anything in them, each with its number."""
+    """Rows of a sheet that are not empty, each with its number."""
     rows, size = sheet.iter_rows(values_only=True), 0
     for number in count(1):
         try:
             row = next(rows, None)
-        except Exception as error:  # it is read as it goes, whatever is in it
+        except Exception as error:  # rows are parsed one by one, and any may be bad
             raise InputError(f"{path}: line {number} cannot be read: {error}") from error
         if row is None:
             return
@@ -388,7 +390,7 @@ def _cell(value: Any) -> str:
 def _header(
     lines: Sequence[tuple[int, list[str]]], names: Sequence[str], form: Form, path: Path
 ) -> int:
-    """Which of the lines names the columns: that which was said, or has most of the names."""
+    """Index of the line with the column names: the stated one, or that with most wanted names."""
     if form.header_line:
         rows = [k for k, (line, _) in enumerate(lines) if line == form.header_line]
         if not rows:
@@ -399,7 +401,7 @@ def _header(
 
 
 def _row(path: Path, line: int, cells: list[str], names: Sequence[str], form: Form) -> Row:
-    """A line; none is longer than the header: `1,5,2,5` is not 1.5 and 2.5."""
+    """Row of a line; more cells than columns are refused: `1,5,2,5` is not 1.5 and 2.5."""
     if len(cells) > len(names):
         raise InputError(
             f"{path}: line {line}: {len(cells)} values, but {len(names)} columns; decimals take a "
@@ -480,7 +482,7 @@ def _by_column(
 def _by_nearest(
     left: Sequence[Row], right: Sequence[Row], join: Join, path: Path
 ) -> list[int | None]:
-    """The nearest by a number, each row of the second once."""
+    """Row of the second table that is nearest by a number; none may be nearest to two rows."""
     del path
     ours = np.array([row.number(join.left) for row in left])
     theirs = np.array([row.number(join.right) for row in right]) + join.shift

@@ -1,6 +1,7 @@
-"""Columns that cannot be what a mapping says, told by the robot: its joints' limits and its reach.
+"""Refuse columns that contradict the robot: limits of its joints, and reach of the nominal robot.
 
-Only what another reading would bring to where the drawing has it is refused; an outlier is not.
+Points are refused only if another reading of the columns (unit, sign, order) makes the nominal
+robot match them: an outlier is not refused. Joints beyond their limits are always refused.
 """
 
 from __future__ import annotations
@@ -21,30 +22,30 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
 
-_MOST = 400  # rows on which the drawing is laid
-_HOPELESS = 0.03  # of the points' spread: a median miss that is looked into
-_UNKNOWN = 0.15  # the same that is said, if nothing explains it
-_FAR = 15.0  # times the median miss, and
-_WIDE = 0.03  # of the points' spread: a row that misses by more than both is looked into
-_MANY = 0.1  # share of such rows from which a column may be in another unit in all of them
-_LOOKED_INTO = 50  # such rows at most
-_BETTER = 0.1  # of the miss: what another reading may leave
-_AS_GOOD = 3.0  # times the best: readings that leave no more cannot be told apart
-_REACHES = 0.05  # of a joint's range: what its values come to at least in their unit
+_MOST = 400  # rows to which the nominal robot is fitted
+_HOPELESS = 0.03  # of the points' spread: from this median residual on other readings are tried
+_UNKNOWN = 0.15  # of the points' spread: from this median residual on a note says so
+_FAR = 15.0  # times the median residual, and
+_WIDE = 0.03  # of the points' spread: a row with a residual above both is far off
+_MANY = 0.1  # share of far rows from which a column may be in another unit in all rows
+_LOOKED_INTO = 50  # far rows that are examined at most
+_BETTER = 0.1  # of the residual: another reading has to be this small
+_AS_GOOD = 3.0  # times the best residual: readings below it cannot be distinguished
+_REACHES = 0.05  # of a joint's range: its largest value, at least, in the right unit
 
 
 def require_units(numbers: TableNumbers, mapping: TableMapping, robot: Robot) -> list[str]:
-    """Refuse numbers whose size contradicts the robot; notes on what could not be judged.
+    """Refuse numbers whose size contradicts the robot; return notes on what was not decided.
 
     Raises:
-        InputError: names file, lines, columns, value and what they more likely are.
+        InputError: names file, lines, columns, value and the more likely unit or meaning.
     """
     rows = np.flatnonzero(~numbers.moves)
     few = len(rows) < FEWEST
     notes = [f"{len(rows)} rows at rest: too few to check the units against the robot's reach"]
     if not few:
         notes = _require_reach(numbers, mapping, robot, rows)
-    if notes:  # as where the units of joints and points are both wrong
+    if notes:  # for example because the units of joints and points are both wrong
         few = few or _all_inside(numbers.command, mapping.commands, robot)
     _require_limits(numbers, numbers.command, mapping.commands, robot, few)
     if numbers.encoder is not None:
@@ -55,7 +56,7 @@ def require_units(numbers: TableNumbers, mapping: TableMapping, robot: Robot) ->
 def _require_reach(
     numbers: TableNumbers, mapping: TableMapping, robot: Robot, rows: Rows
 ) -> list[str]:
-    """Refuse points that the robot can only reach if columns are something else."""
+    """Refuse points that the nominal robot matches only with another reading of the columns."""
     way = numbers.command[rows], numbers.position[rows]
     some = slice(None, None, -(-len(rows) // _MOST))
     stated = Placed.on(robot, [_part(way, some)])
@@ -95,12 +96,12 @@ def _part(way: Way, some: slice | Rows) -> Way:
 
 
 def _with(robot: Robot, way: Way, slip: Slip, mixed: bool) -> Placed | None:
-    """The drawing laid on rows with a slip undone, or undone where that is better."""
+    """Fit to rows with a slip corrected in all of them or, if `mixed`, in those it fits better."""
     return Placed.on(robot, [way, slip.meant(way)] if mixed else [slip.meant(way)])
 
 
 def _off(miss: float) -> str:
-    """How far the points are from where they can be."""
+    """Message on the distance of the points from the nominal robot."""
     if not np.isfinite(miss):
         return "with the columns of this mapping, most joints are out of the robot's reach"
     return (
@@ -112,7 +113,7 @@ def _off(miss: float) -> str:
 def _require_heights(
     numbers: TableNumbers, mapping: TableMapping, stated: Placed, rows: Rows
 ) -> None:
-    """Refuse a column in another unit where most rows lie in a plane that hides it."""
+    """Refuse a column in another unit if most rows lie in a plane, which hides the mistake."""
     way = numbers.command[rows], numbers.position[rows]
     some = slice(None, None, -(-len(rows) // _MOST))
     far = _far(stated, way)
@@ -128,7 +129,7 @@ def _require_heights(
 
 
 def _far(placed: Placed, way: Way) -> NDArray[np.bool_]:
-    """Rows that miss by more than a machine is off its drawing, (n,)."""
+    """Mask (n,) of rows whose residual is larger than a machine's deviation from nominal."""
     limit = max(_FAR * placed.typical, _WIDE * placed.spread)
     return np.asarray(placed.missed(way) > limit)
 
@@ -150,7 +151,7 @@ def _require_rows(
 
 
 def _enough(placed: Placed, missed: Array) -> Array:
-    """What another reading of rows that miss by (n,) [m] may leave, to be believed, (n,) [m]."""
+    """Residual (n,) [m] below which another reading of rows with residual (n,) [m] is accepted."""
     better = _BETTER * np.minimum(missed, placed.spread)
     return np.minimum(np.maximum(better, placed.close), missed / 2)
 
@@ -163,7 +164,7 @@ def _mixed_up(
     slip: Slip,
     miss: float,
 ) -> InputError:
-    """What to say of columns in another unit, in all rows or in some of them."""
+    """Error about columns in another unit, in all rows or in some of them."""
     way = numbers.command[rows], numbers.position[rows]
     stated, meant = placed.missed(way), placed.missed(slip.meant(way))
     other = rows[meant < _enough(placed, stated)]
@@ -195,7 +196,7 @@ def _mixed_up(
 
 
 def _beyond(robot: Robot, k: int, joint: float) -> str:
-    """That a joint is beyond its limits, in words; empty if it is not."""
+    """Message that a joint is beyond its limits; empty if it is not."""
     low, high = float(robot.joints.lower[k]), float(robot.joints.upper[k])
     name, factor = robot.joints.shown
     if low <= joint <= high:
@@ -209,7 +210,7 @@ def _beyond(robot: Robot, k: int, joint: float) -> str:
 def _require_limits(
     numbers: TableNumbers, joint: Array, columns: Sequence[Column], robot: Robot, guess: bool
 ) -> None:
-    """Refuse joints beyond the robot's limits; with a guess at the unit where nothing says it."""
+    """Refuse joints beyond the robot's limits; `guess` adds the likely unit to the message."""
     low, high = robot.joints.lower, robot.joints.upper
     beyond = np.argwhere((joint < low) | (joint > high))
     if not len(beyond):
@@ -229,7 +230,7 @@ def _require_limits(
 
 
 def _all_inside(joint: Array, columns: Sequence[Column], robot: Robot) -> bool:
-    """Whether one other unit brings all joints (n, m) within their limits, none of them before."""
+    """Whether one other unit brings all joints (n, m) within limits, and none is within now."""
     low, high = robot.joints.lower, robot.joints.upper
     if ((joint >= low) & (joint <= high)).any():
         return False
@@ -238,7 +239,7 @@ def _all_inside(joint: Array, columns: Sequence[Column], robot: Robot) -> bool:
 
 
 def _inside(values: Array, column: Column, low: float, high: float) -> Iterable[str]:
-    """Other units by which a joint's values are within its limits and take up some of them."""
+    """Other units that put a joint's values within limits and up to `_REACHES` of its range."""
     for unit, factor in other_units([column]):
         joint = factor * values
         within = np.all((joint >= low) & (joint <= high))

@@ -1,4 +1,4 @@
-"""Which topic of a recording is which stream."""
+"""Names of the topics that hold the streams of a recording."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from delta_calibration.errors import InputError, RecordingError
 class Topics:
     """Names of the topics to read.
 
-    A name without a leading slash is also found under a namespace, where just one topic ends so;
-    one with it is taken as it stands. An empty name leaves the stream out.
+    A name without a leading slash is also found under a namespace, if only one topic ends with it;
+    a name with a leading slash is not searched in namespaces. An empty name omits the stream.
     """
 
     command: str = "joint_command"
@@ -47,13 +47,13 @@ class Topics:
         return replace(cls(), **given)
 
     def find(self, stream: str, names: Iterable[str]) -> str | None:
-        """Which of the recorded topics `names` is this stream.
+        """Find the topic of a stream among the recorded topics `names`.
 
         Returns:
-            Its name, or None where it isn't there or was left out by an empty name.
+            Its name, or None if it is not recorded or was left out by an empty name.
 
         Raises:
-            RecordingError: Several fit, or a name that was asked for by the user isn't there.
+            RecordingError: Several topics match, or a name given by the user is not recorded.
         """
         wanted: str = getattr(self, stream)
         if not wanted:
@@ -82,5 +82,5 @@ DEFAULT_TOPICS = Topics()
 
 
 def listing(names: Iterable[str]) -> str:
-    """Names in a sentence."""
+    """Distinct names, sorted and separated by commas, or `none`."""
     return ", ".join(sorted(set(names))) or "none"

@@ -1,8 +1,8 @@
-"""Writing a session: a rosbag2 folder with one MCAP file that outlives its writer's death.
+"""Write a session: a rosbag2 folder with one MCAP file that stays readable if its writer dies.
 
 A chunk of messages is finished at 64 KiB or after a second, whichever comes first, and handed to
-the operating system at once; about once a second the disk is made to hold it. So a killed writer
-loses what is in the chunk at hand, and a power failure about a second.
+the operating system at once; about once a second it is forced to the disk. So a killed writer
+loses the unfinished chunk only, and a power failure about one second.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ _COMPRESSIONS = {"none": CompressionType.NONE, "zstd": CompressionType.ZSTD}
 
 
 class SessionWriter:
-    """Writes messages, as the bytes they travel as, into a new recording.
+    """Writes serialised messages into a new recording.
 
-    Opens at once; is its own context manager. Not for several threads.
+    Opens its files at once; is its own context manager. Not thread-safe.
 
     Args:
         path: Folder to make; it must not exist, or be empty.
-        metadata: Provenance to keep with it, as rosbag2's `custom_data`.
+        metadata: Provenance to store, as rosbag2's `custom_data`.
         compression: Of the chunks, "zstd" (a third of the size, at no cost in time) or "none".
 
     Raises:
-        InputError: The folder holds something, or can't be written.
+        InputError: The folder is not empty, or can't be written.
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class SessionWriter:
         self._topics: dict[str, TopicEntry] = {}
         self._counts: dict[str, int] = {}
         self._span_ns: tuple[int, int] | None = None
-        self._pending = 0  # bytes in the chunk at hand
+        self._pending = 0  # bytes in the unfinished chunk
         self._synced = time.monotonic()
         self._closed = False
         self._open(_COMPRESSIONS[compression])
@@ -91,10 +91,10 @@ class SessionWriter:
         return sum(self._counts.values())
 
     def add_topic(self, topic: str, type_name: str, qos: Sequence[Qos] = ()) -> None:
-        """Announce a topic and what its publishers offer; else its first message announces it.
+        """Announce a topic and its publishers' QoS; without it, the first message announces it.
 
         Raises:
-            InputError: No name, an unknown type, or the topic is there with another type.
+            InputError: No name, an unknown type, or the topic exists with another type.
         """
         self._require_open()
         if topic in self._topics:
@@ -169,11 +169,11 @@ class SessionWriter:
                 self._flush()
 
     def sync(self) -> None:
-        """Put all that was written on the disk; a recorder calls it while nothing arrives.
+        """Force all written messages to the disk; a recorder calls it while nothing arrives.
 
         Raises:
-            InputError: A disk error, or the file was taken away from under the writer, to which
-                a disk goes on as if nothing were wrong.
+            InputError: A disk error, or the file was moved or deleted while it was open, which
+                the operating system does not report.
         """
         self._require_open()
         with self._disk():
@@ -217,13 +217,13 @@ class SessionWriter:
         with self._disk():
             self._writer.start(profile="ros2", library=f"delta_calibration {__version__}")
             if self._metadata:
-                # In the data file too, which may travel without its metadata.yaml.
+                # In the data file too, because it may be copied without its metadata.yaml.
                 self._writer.add_metadata(PROVENANCE, self._metadata)
             self._stream.flush()
             self._write_metadata()
 
     def _flush(self) -> None:
-        """Finish the chunk at hand and hand it to the operating system."""
+        """Finish the current chunk and hand it to the operating system."""
         self._writer.flush()  # type: ignore[no-untyped-call]
         self._pending = 0
 
@@ -238,10 +238,10 @@ class SessionWriter:
         replace_file(self.path / FILE_NAME, self._described(), on_disk=final)
 
     def _require_there(self) -> None:
-        """Make sure that the file that is written is still the one under its name.
+        """Check that the path still names the open file.
 
         Raises:
-            InputError: It is not.
+            InputError: The file was moved or deleted.
         """
         mine = os.fstat(self._stream.fileno())
         with contextlib.suppress(OSError):
@@ -260,7 +260,7 @@ class SessionWriter:
 
     @contextlib.contextmanager
     def _disk(self) -> Iterator[None]:
-        """Say disk errors in words; after one nothing more is written, to keep what is there."""
+        """Turn disk errors into `InputError`; after any error nothing more is written."""
         try:
             yield
         except BaseException as error:
