@@ -28,8 +28,10 @@ from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.findings import spread_of
+from delta_calibration.diagnosis.fitted import Fitted, gains_of
 from delta_calibration.diagnosis.model import Model
-from delta_calibration.effects import catalogue, effect_named
+from delta_calibration.diagnosis.shapes import Shapes
+from delta_calibration.effects import Effect, catalogue, effect_named
 from delta_calibration.errors import DataError, ReachError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
@@ -53,17 +55,40 @@ def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[f
     start = calibrated(seen, robot, machine.chain.mechanism.name)
     (hidden,) = machine.chain.effects
     effect = effect_named(cause, robot, start.bare.mechanism, hidden.settings)
-    every = tuple(range(len(effect.parameters)))
-    term = Candidate(cause, effect.kind, None, effect, every)
-    model = min(
-        (begin.fitted((term,)) for begin in (start, *start.elsewhere())), key=lambda m: m.misfit
-    )
+    model = min((found(begin, effect) for begin in (start, *start.elsewhere())), key=misfit)
     assert isinstance(model, Model)
-    own, (found,) = model.layout.effects, model.terms
-    std = spread_of(model.evidence, model, found)[0] * effect.parameters.prior
+    own, (term,) = model.layout.effects, model.terms
+    std = spread_of(model.evidence, model, term)[0] * effect.parameters.prior
     true = machine.theta[machine.chain.layout.effects]
     error = (model.theta[own] - true) / std
     return name, cause, error.tolist(), (std / effect.parameters.prior).tolist()
+
+
+def found(start: Fitted, effect: Effect) -> Fitted:
+    """The machine fitted with an effect, searched fields of its shape wherever they do most."""
+    at, rows = start.evidence.at, tuple(range(len(effect.parameters)))
+    searched = {name for name, _, _ in effect.intervals()}
+    fixed = {name: value for name, value in effect.settings.items() if name not in searched}
+    shapes = [
+        Candidate(effect.cause, effect.kind, None, shape, rows)
+        for shape in effect.shapes(at)
+        if fixed.items() <= shape.settings.items() and searched == names(shape)
+    ]
+    shapes = shapes or [Candidate(effect.cause, effect.kind, None, effect, rows)]
+    gains = gains_of(Shapes.of(start.evidence), shapes)
+    model = start.fitted((shapes[int(np.argmax(gains))],))
+    others = (start.fitted(terms) for terms in model.in_other_shapes)
+    return min([model, *(m for m in others if names(m.terms[0].effect) == searched)], key=misfit)
+
+
+def names(effect: Effect) -> set[str]:
+    """Searched fields of a shape."""
+    return {name for name, _, _ in effect.intervals()}
+
+
+def misfit(model: Fitted) -> float:
+    """Chi square per degree of freedom."""
+    return model.misfit
 
 
 def attempt(task: tuple[str, str, int]) -> tuple[str, str, list[float], list[float]] | str:

@@ -103,7 +103,7 @@ def covariance_of(model: Model, shapes: bool = True) -> Array:
     left = [_left_open(model, m, misfit) for m in searched]
     opened = np.concatenate([np.zeros((evidence.size, 0)), *(o.columns for o in left)], axis=1)
     sure = np.concatenate([np.zeros(0), *(o.precision for o in left)])
-    known = evidence.beside(Plain(opened), sure)
+    known = evidence.beside(Plain(opened), sure * misfit)
     size = len(evidence.precision)
     base, layout = model.layout.base, model.column_layout
     whole = np.zeros((model.layout.size, layout.size))

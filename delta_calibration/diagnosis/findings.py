@@ -238,7 +238,7 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     values = evidence.beside(columns, np.full(columns.width, PRECISION))
     left = open_shape(term, evidence, model.scaled(term), misfit)
     of_shape = np.linalg.inv(values.information(left.columns) / misfit + np.diag(left.precision))
-    evidence = evidence.beside(Plain(left.columns), left.precision)
+    evidence = evidence.beside(Plain(left.columns), left.precision * misfit)
     normal = evidence.information_of(columns) + PRECISION * np.eye(columns.width)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()

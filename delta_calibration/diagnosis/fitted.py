@@ -135,6 +135,10 @@ class Fitted(ABC):
         """The same fit, with the poses that it set aside as gross errors included again."""
         return self
 
+    def readmitted(self) -> Fitted:
+        """The same fit, with those poses in use again that it set aside and that miss alike."""
+        return self
+
     def registered(self, known: Array | None = None) -> Fitted:
         """The nominal machine in its best-fit placement, see `estimation.registered`.
 

@@ -20,6 +20,7 @@ from delta_calibration.diagnosis.constants import (
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
+from delta_calibration.diagnosis.set_aside import like_neighbours
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.estimation import (
     Population,
@@ -154,9 +155,7 @@ class Model(Fitted):
         if noise.floor > QUIETER * self.floor:
             return self
         problem = replace(self.problem, measured=problem.measured)
-        quiet = solved(self.survey, replace(self.cell, noise=noise), problem)
-        explained = np.maximum(quiet.cell.weight, found.cell.weight)  # no gross errors
-        return replace(quiet, cell=replace(quiet.cell, weight=explained), seen=None)
+        return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     def everything(self) -> Model:
         """The same fit, with the poses that it set aside as gross errors in use again."""
@@ -165,6 +164,17 @@ class Model(Fitted):
             return self
         cell = replace(self.cell, weight=np.where(weight > 0, weight, 1.0))
         return replace(self, cell=cell, seen=None)
+
+    def readmitted(self) -> Model:
+        """The same fit, with those poses in use again that it set aside and that miss alike."""
+        out = np.flatnonzero((self.cell.weight == 0) & ~on_the_way(self.survey))
+        missed, joint = _residual(self)[out, :3], self.survey.poses.joint[out]
+        alike = out[like_neighbours(missed, joint)]
+        if not alike.size:
+            return self
+        weight = self.cell.weight.copy()
+        weight[alike] = 1.0
+        return replace(self, cell=replace(self.cell, weight=weight), seen=None)
 
     def at(self, theta: Array) -> Model:
         """The same model with other parameter values, (P,)."""
@@ -212,16 +222,16 @@ def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
 
 
 def _begun(model: Model) -> Model:
-    """The model after a first step, with the searched fields of its shapes at their best values.
+    """First step from a model at zero values, with the searched fields at their best.
 
-    Poses that were set aside may be the effect of a strong cause: the fields, such as the moment
-    of a step, are therefore searched with these poses as well.
+    Poses that were set aside may be what a strong cause does: the fields are also sought with
+    those in use that miss alike.
     """
     begun = _stepped(_sharpened(model))
-    everything = model.everything()
-    if everything is model or begun.terms is model.terms:
+    readmitted = model.readmitted()
+    if readmitted is model or begun.terms is model.terms:
         return begun
-    return min(begun, _stepped(_sharpened(everything)), key=_left)
+    return min(begun, _stepped(_sharpened(readmitted)), key=_left)
 
 
 def _left(model: Model) -> float:

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 _LEAST, _HALVINGS = 3e-4, 8  # least distance, in spreads of the field; bisections of its logarithm
 _ALIKE = 2.0  # factor within which a rise of chi square agrees with the tangent's
+_RISE = 1.96**2  # of chi square at the ends of a 95 % interval
 _RANK = 1e-9  # share of the largest singular value under which a direction is not identifiable
 
 
@@ -48,8 +49,9 @@ def open_shape(
 ) -> OpenShape:
     """Columns and priors of the searched fields of a cause that was found.
 
-    A slope is a secant over the distance at which chi square has risen by one: a moment that
-    moves between two samples changes nothing, but one sample further it changes everything.
+    A slope is a secant between the ends of the field's 95 % interval, where the profile of chi
+    square has risen by 1.96^2: a moment that moves between two samples changes nothing, but one
+    sample further it changes everything.
 
     Args:
         term: the cause, in the shape that was found.
@@ -71,13 +73,17 @@ def open_shape(
 
 
 def tried_of(effect: Effect, at: Conditions) -> Mapping[str, tuple[float, float]]:
-    """Lowest and highest value that was tried for each searched field, by name."""
-    own = {name: (low, high) for name, low, high in effect.bounded_intervals()}
+    """Lowest and highest value that was tried for each searched field, by name.
+
+    The value that was found is among them; of a field that no shape has, its own interval is.
+    """
+    own, tried = effect.bounded_intervals(), dict[str, list[float]]()
     for shape in effect.shapes(at) if own else ():
         for name, low, high in shape.bounded_intervals():
-            if name in own:
-                own[name] = min(own[name][0], low), max(own[name][1], high)
-    return own
+            tried.setdefault(name, []).extend((low, high))
+    found = {name: tried.get(name, [low, high]) for name, low, high in own}
+    ranges = {name: [*ends, getattr(effect, name)] for name, ends in found.items()}
+    return {name: (min(ends), max(ends)) for name, ends in ranges.items()}
 
 
 @dataclass(frozen=True)
@@ -94,21 +100,20 @@ class _Field:
     def slope(self, tangent: Array) -> Array:
         """Slope of the signal by the field in its spread, (d n,): tangent if chi square agrees.
 
-        Else the secant between the nearest values on either side at which chi square has risen by
-        one, or the ends of the range tried. It is scaled down if it would determine the field
-        better than the distance of these values justifies.
+        Else the secant between the ends of the field's 95 % interval, or of the range tried. It is
+        scaled down if it would determine the field better than these ends do.
         """
         spread, told = self._spread, self._fit(tangent, self.term)[1]
         rooms = self._now - self.within[0], self.within[1] - self._now
         sides = [(sign, room) for sign, room in zip((-1, 1), rooms, strict=True) if room > 0]
-        far = spread / max(np.sqrt(told), 1e-300)
+        far = spread * np.sqrt(_RISE / max(told, 1e-300))
         if all(far < room and _straight(self._rise(sign * far)) for sign, room in sides):
             return tangent
         ends = [self._end(sign, room) for sign, room in sides]
         width, near = float(np.ptp([0.0, *ends])), float(np.mean(np.abs(ends)))
         left, along = self._between(self._at(min(0.0, *ends)), self._at(max(0.0, *ends)))
         told = self._fit(left, self.term)[1]
-        left *= min(1.0, width / near / max(np.sqrt(told), 1e-300))
+        left *= min(1.0, width / near * np.sqrt(_RISE / max(told, 1e-300)))
         return np.asarray((left + along) * spread / width)
 
     def _between(self, before: Candidate, after: Candidate) -> tuple[Array, Array]:
@@ -125,13 +130,13 @@ class _Field:
         return left, own.times((begin - end)[:, None])[:, 0]
 
     def _end(self, sign: int, room: float) -> float:
-        """Signed distance at which chi square has risen by one; all the room if it never does."""
+        """Signed distance to the end of the 95 % interval; all the room if it has none."""
         least, most = _LEAST * self._spread, room
-        if most <= least or self._rise(sign * most) <= 1:
+        if most <= least or self._rise(sign * most) <= _RISE:
             return sign * most
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(least * most))
-            told = self._rise(sign * middle) > 1
+            told = self._rise(sign * middle) > _RISE
             least, most = (least, middle) if told else (middle, most)
         return sign * most
 
@@ -169,5 +174,5 @@ class _Field:
 
 
 def _straight(rise: float) -> bool:
-    """Whether chi square rises by about one, as the tangent predicts."""
-    return 1 / _ALIKE <= rise <= _ALIKE
+    """Whether chi square rises by about `_RISE`, as it does along a straight line."""
+    return _RISE / _ALIKE <= rise <= _RISE * _ALIKE

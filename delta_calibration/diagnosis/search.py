@@ -98,11 +98,14 @@ def find(
         begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been rejected; nothing of the same cause is tried.
     """
-    whole = None if begin else _with_outliers(model, rng)
-    starts = (model, *(() if begin else model.elsewhere()), *(() if whole is None else (whole,)))
+    starts = (model,) if begin else _starts(model, rng)
     scans = [scanned(start, effects, rng).without(gone) for start in starts]
-    every = zip(starts, scans, strict=True)
-    bare, first = min(every, key=lambda begun: _left_by_the_best(begun[0], begun[1], whole))
+    every = model.everything() if len(starts) > 1 else model
+    left = [_left_by_the_best(*begun, every) for begun in zip(starts, scans, strict=True)]
+    bare, first = starts[int(np.argmin(left))], scans[int(np.argmin(left))]
+    for other in starts:
+        if other is not bare:
+            other.forget()
     model, here, swaps, fits = bare, first, SWAPS, _Fits(bare)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
@@ -342,24 +345,30 @@ def beyond_names(model: Fitted, here: Scan, short: tuple[Score, ...]) -> tuple[C
     return instead
 
 
-def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted | None:
-    """The fit with the poses that it set aside, if these miss alike; else None.
+def _starts(model: Fitted, rng: np.random.Generator) -> tuple[Fitted, ...]:
+    """Fits from which the search may begin: the machine's, and others that show more."""
+    whole = _with_outliers(model, rng)
+    return (model, *model.elsewhere(), *(() if whole is model else (whole,)))
+
+
+def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted:
+    """The fit with the poses in use that it set aside and that miss alike; itself if none do.
 
     A joint that slipped early leaves a few poses far off all others: one cause, not gross errors.
     """
     alike = Aside.of(model, rng).alike
-    return model.everything() if alike is not None and alike < ALPHA else None
+    return model.readmitted() if alike is not None and alike < ALPHA else model
 
 
-def _left_by_the_best(model: Fitted, here: Scan, whole: Fitted | None) -> float:
+def _left_by_the_best(model: Fitted, here: Scan, every: Fitted) -> float:
     """Chi square per degree of freedom that the best single explanation leaves.
 
     Args:
         model: a fit.
         here: scan of its residuals.
-        whole: a fit that sets no pose aside, if there is one; each pose that `model` sets aside
-            then counts as a gross error.
+        every: a fit that uses all poses, or `model`; each pose that `model` sets aside beyond it
+            counts as a gross error.
     """
     gain = max((score.gain for score in here.scores), default=0.0)
-    out = 0 if whole is None else set_aside(model.evidence, whole.evidence).size
+    out = 0 if every is model else set_aside(model.evidence, every.evidence).size
     return float(model.misfit + (GROSS**2 * out - gain) / model.beside.degrees)

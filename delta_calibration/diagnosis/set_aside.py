@@ -19,6 +19,11 @@ from delta_calibration.diagnosis.residual_tests import misses_alike
 Array = NDArray[np.float64]
 
 
+_NEIGHBOURS = 4  # outliers next to one in joint positions
+_SAME_WAY = 0.5  # cosine of the residual with that of the neighbours
+_LARGE = 3.0  # times the median residual of the outliers
+
+
 @dataclass(frozen=True)
 class Aside:
     """Result of the check of the poses that were set aside as unlike the model."""
@@ -47,6 +52,27 @@ class Aside:
             float(np.sqrt(np.mean(size**2))),
             place[int(np.argmax(size))],
         )
+
+
+def like_neighbours(missed: Array, joint: Array) -> NDArray[np.bool_]:
+    """Which outliers miss as their neighbours among the outliers do, (k,); none if they are few.
+
+    A cause that acts on few poses moves all of them by about as much, and neighbours the same way.
+    A gross error does not; a single one among them would decide what explains them all.
+
+    Args:
+        missed: whitened residuals, (k, 3).
+        joint: joint positions, (k, m); neighbours are nearest in them.
+    """
+    if len(missed) <= _NEIGHBOURS:
+        return np.zeros(len(missed), dtype=bool)
+    size = np.linalg.norm(missed, axis=1)
+    apart = np.linalg.norm(joint[:, None] - joint, axis=-1)
+    near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
+    along = missed / np.maximum(size, 1e-300)[:, None]
+    same = np.einsum("ki,ki->k", along, np.median(along[near], axis=1)) > _SAME_WAY
+    usual = float(np.median(size))
+    return np.asarray(same & (size < _LARGE * usual) & (size * _LARGE > usual))
 
 
 def set_aside(own: LinearizedModel, every: LinearizedModel) -> NDArray[np.intp]:
