@@ -67,23 +67,24 @@ def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[f
 def found(start: Fitted, effect: Effect) -> Fitted:
     """The machine fitted with an effect, searched fields of its shape wherever they do most."""
     at, rows = start.evidence.at, tuple(range(len(effect.parameters)))
-    searched = {name for name, _, _ in effect.intervals()}
-    fixed = {name: value for name, value in effect.settings.items() if name not in searched}
     shapes = [
         Candidate(effect.cause, effect.kind, None, shape, rows)
         for shape in effect.shapes(at)
-        if fixed.items() <= shape.settings.items() and searched == names(shape)
+        if same_kind(shape, effect)
     ]
     shapes = shapes or [Candidate(effect.cause, effect.kind, None, effect, rows)]
     gains = gains_of(Shapes.of(start.evidence), shapes)
     model = start.fitted((shapes[int(np.argmax(gains))],))
-    others = (start.fitted(terms) for terms in model.in_other_shapes)
-    return min([model, *(m for m in others if names(m.terms[0].effect) == searched)], key=misfit)
+    others = [terms for terms in model.in_other_shapes if same_kind(terms[0].effect, effect)]
+    return min([model, *map(start.fitted, others)], key=misfit)
 
 
-def names(effect: Effect) -> set[str]:
-    """Searched fields of a shape."""
-    return {name for name, _, _ in effect.intervals()}
+def same_kind(shape: Effect, effect: Effect) -> bool:
+    """Whether two shapes of a cause differ in searched fields only."""
+    searched = {name for name, _, _ in effect.intervals()}
+    fixed = {name: value for name, value in effect.settings.items() if name not in searched}
+    also = {name for name, _, _ in shape.intervals()}
+    return also == searched and fixed.items() <= shape.settings.items()
 
 
 def misfit(model: Fitted) -> float:
