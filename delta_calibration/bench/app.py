@@ -33,15 +33,15 @@ _STATIC = {  # name: folder in the package, media type
     "bench.css": (("bench", "static"), "text/css"),
     "bench.js": (("bench", "static"), "text/javascript"),
 }
-_FORMS = 4 << 20  # bytes of a form beside its files
+_FORMS = 4 << 20  # most bytes of a form without its files
 
 
 def application(bench: Bench, hosts: frozenset[str]) -> Starlette:
-    """The application of a bench.
+    """Create the ASGI application of a bench.
 
     Args:
-        bench: what is served.
-        hosts: what `Host` may be, with the port.
+        bench: bench that is served.
+        hosts: allowed values of the `Host` header, with the port.
     """
     guard = Middleware(Guard, secrets=bench.secrets, hosts=hosts, most=bench.most + _FORMS)
     app = Starlette(
@@ -72,17 +72,17 @@ def application(bench: Bench, hosts: frozenset[str]) -> Starlette:
 def opened(
     data: Path, most: int, workers: int = 1, watch: bool = True, store: str | None = None
 ) -> Iterator[Bench]:
-    """A bench on a data folder, its work going on as long as this lasts.
+    """Yield a bench on a data folder; it processes its cases until the context ends.
 
     Args:
-        data: folder of all that it keeps; made where it is not there.
-        most: bytes of an upload.
-        workers: how many sessions are worked on at once.
-        watch: whether to look for a running cell.
-        store: the history, a file or a URL; `history.sqlite` of the folder where not given.
+        data: folder of all its data; created if missing.
+        most: most bytes of an upload.
+        workers: number of sessions that are processed at once.
+        watch: whether to watch a running cell.
+        store: file or URL of the history; by default `history.sqlite` in the folder.
 
     Raises:
-        InputError: the folder cannot be made, or another server uses it.
+        InputError: the folder cannot be created, or another server uses it.
     """
     try:
         data.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -109,17 +109,17 @@ def opened(
 def serve(
     bench: Bench, address: str, port: int, names: tuple[str, ...], told: Callable[[str], None]
 ) -> None:
-    """Answer until a signal ends it.
+    """Serve a bench until a signal ends the process.
 
     Args:
-        bench: what is served.
-        address: to listen on.
-        port: to listen on; 0 takes a free one.
-        names: by which browsers reach this server, beside the address.
-        told: is given the link to open, once it can be opened.
+        bench: bench that is served.
+        address: address to listen on.
+        port: port to listen on; 0 takes a free one.
+        names: further host names under which browsers reach this server.
+        told: callback that gets the link to open, once the server listens.
 
     Raises:
-        InputError: the address cannot be listened on.
+        InputError: the server cannot listen on the address.
     """
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as listening:
@@ -135,10 +135,10 @@ def serve(
         port = listening.getsockname()[1]
         shown = f"[{address}]" if ":" in address else address
         known = (*_LOOPBACK, shown, *names)
-        # a proxy before it may listen on the usual port, which no browser tells
+        # browsers omit the default port, which a proxy in front of this server may listen on
         hosts = frozenset(f"{name}:{port}".lower() for name in known) | {n.lower() for n in names}
         told(f"http://{names[0] if names else shown}:{port}/?token={bench.secrets.token}")
-        # no access log: the first line of every browser would have the token in it
+        # no access log: the first request of every browser contains the token
         config = uvicorn.Config(
             application(bench, hosts),
             log_level="warning",
@@ -151,11 +151,13 @@ def serve(
 
 
 def write_door(data: Path, link: str) -> Path:
-    """A page that leads to the link, for its owner only: command lines are read by everybody.
+    """Write a page that redirects to the link, so that no command line shows the token.
+
+    Only its owner can read the page.
 
     Args:
         data: folder to write it to.
-        link: with the token.
+        link: link with the token.
     """
     path = data / "open.html"
     path.unlink(missing_ok=True)
@@ -166,12 +168,12 @@ def write_door(data: Path, link: str) -> Path:
 
 
 def _url(store: str) -> str:
-    """A store as the verbs find it from another folder."""
+    """Path or URL of a store that is valid from any working directory."""
     return store if "://" in store else str(Path(store).resolve())
 
 
 def _token(path: Path) -> str:
-    """The token of a data folder, kept so that browsers stay known; readable by its owner only."""
+    """Read or create the token of a data folder; only its owner can read the file."""
     try:
         return path.read_text(encoding="ascii").strip()
     except FileNotFoundError:
@@ -197,7 +199,7 @@ def _on_http(request: Request, error: Exception) -> Response:
 
 
 def _on_mistake(request: Request, error: Exception) -> Response:
-    """A user's mistake: 409 where somebody else was first, else 400."""
+    """Answer an error of the user: status 409 if somebody else was first, otherwise 400."""
     return _refused(request, 409 if isinstance(error, MistakeError) else 400, str(error))
 
 

@@ -1,9 +1,9 @@
-"""Cases: what was dropped, and how far the work on it is; a folder each, on disk.
+"""Cases: dropped sessions or tables and the progress of the work on them, a folder each.
 
 DATA/cases/20261124-221530-3f2a/
 case.json       the `Case`
-bag/NAME        the session as it was dropped; mended-1/NAME once it was mended
-STEP.out, .err  what the verb of a step said
+bag/NAME        the session as dropped; mended-1/NAME after it was mended
+STEP.out, .err  standard output and standard error of the step's verb
 verdict.json, extended.yaml, report.html, ...
 """
 
@@ -31,26 +31,26 @@ _ID = re.compile(r"\d{8}-\d{6}-[0-9a-f]{4}")
 
 @dataclass(frozen=True)
 class Case:
-    """One thing that the bench works on.
+    """One piece of work of the bench: a session, a table or a change log.
 
     Attributes:
         id: name of its folder.
-        kind: what it began as: `bag`, `table`, or `log`, the change log of a machine.
-        name: of the session, as its file was called.
-        machine: the machine in the history; empty where it is not to be kept.
-        robot: name of a robot, or path of its file, from the case's folder.
-        began: when it was dropped, ISO 8601 in UTC.
+        kind: what was requested: `bag`, `table`, or `log` (the change log of a machine).
+        name: name of the session, from its file's name.
+        machine: machine in the history; empty if the session is not to be kept.
+        robot: name of a robot, or path of its file relative to the case's folder.
+        began: time when it was dropped, ISO 8601 in UTC.
         state: `working`, `asking` (a question waits), `done`, `failed` or `stopped`.
-        step: that is worked on; empty where none is.
+        step: step that is running; empty if none is.
         waiting: steps to come, in order.
-        session: path of the session in force, from the case's folder; empty while there is none.
-        topics: where streams were recorded under another name, as STREAM=TOPIC.
-        forced: whether to go on over mistakes that the check found.
-        question: that waits for an answer: `columns` or `mistakes`; empty where none does.
-        said: why it failed or asks, or what the last step has to say; a sentence.
-        mended: how often the session was mended.
-        options: what else the page was given for its steps, by name.
-        version: counts changes, so that a page knows when to look again.
+        session: path of the current session, relative to the case's folder; empty if none yet.
+        topics: topics with non-standard names, as STREAM=TOPIC.
+        forced: whether to go on in spite of mistakes that the check found.
+        question: question that waits for an answer: `columns` or `mistakes`; empty if none.
+        said: reason of a failure or question, or a message of the last step; a sentence.
+        mended: number of times that the session was mended.
+        options: further values that the user gave for the steps, by name.
+        version: number of changes, so that a page knows when to reload.
     """
 
     id: str
@@ -72,12 +72,12 @@ class Case:
     version: int = 0
 
     def option(self, name: str, default: str = "") -> str:
-        """What the page was given by this name."""
+        """Value that the user gave under this name."""
         return (self.options or {}).get(name, default)
 
     @property
     def at_rest(self) -> bool:
-        """Whether nothing is worked on, so that more can be asked for."""
+        """Whether the case has ended, so that exports can be requested."""
         return self.state in (DONE, FAILED, STOPPED)
 
 
@@ -85,13 +85,13 @@ class Cases:
     """The cases of a data folder; may be used by several threads of one process."""
 
     def __init__(self, folder: Path) -> None:
-        """The cases in a data folder; the folder is created if missing."""
+        """Use the cases in a folder; the folder is created if missing."""
         self._folder = folder
         self._lock = RLock()
         folder.mkdir(parents=True, exist_ok=True)
 
     def new_id(self) -> str:
-        """An id that no case has, its folder made."""
+        """Create the folder of a new case and return its unique id."""
         while True:
             now = datetime.now(timezone.utc)
             id_ = f"{now:%Y%m%d-%H%M%S}-{secrets.token_hex(2)}"
@@ -102,7 +102,7 @@ class Cases:
             return id_
 
     def folder(self, id_: str) -> Path:
-        """Where a case lives.
+        """Folder of a case.
 
         Raises:
             InputError: no such case.
@@ -113,12 +113,12 @@ class Cases:
         return folder
 
     def add(self, case: Case) -> None:
-        """Keep a new case, in the folder that `new_id` made."""
+        """Write a new case to the folder that `new_id` created."""
         with self._lock:
             self._write(case)
 
     def get(self, id_: str) -> Case:
-        """A case as it is now.
+        """Read the present state of a case.
 
         Raises:
             InputError: no such case.
@@ -133,14 +133,14 @@ class Cases:
         return Case(**data)
 
     def all(self) -> tuple[Case, ...]:
-        """Every case, the newest first; a folder that never became one is passed over."""
+        """All cases, the newest first; folders without a case file are skipped."""
         ids = sorted(
             (p.name for p in self._folder.iterdir() if _ID.fullmatch(p.name)), reverse=True
         )
         return tuple(self.get(id_) for id_ in ids if (self._folder / id_ / _FILE).is_file())
 
     def change(self, id_: str, change: Callable[[Case], Case]) -> Case:
-        """Put another case in the place of one; what the change raises leaves it as it was."""
+        """Replace a case by its changed version; an exception in `change` leaves it unchanged."""
         with self._lock:
             before = self.get(id_)
             after = change(before)

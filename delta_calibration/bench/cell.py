@@ -1,7 +1,8 @@
-"""A running cell, live: what its calibration nodes say, and orders to them.
+"""Live view of a running cell: state of its calibration nodes, and orders to them.
 
-ROS stays outside of this process. `ros/cell_watch.py` listens in a child process and writes a line
-of JSON a second; an order is given by another, `ros/trigger.py`, as a cell's operator would.
+ROS stays outside this process. `ros/cell_watch.py` listens in a child process and writes one line
+of JSON per second; another child process, `ros/trigger.py`, gives an order, by the same service
+that a cell's operator would call.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from typing import Any
 from delta_calibration.errors import InputError, MistakeError
 from delta_calibration.processes import child_environment
 
-ORDERS: Mapping[str, tuple[str, str]] = {  # order: what is done, what to know before
+ORDERS: Mapping[str, tuple[str, str]] = {  # order: its title, what to know beforehand
     "start_capture": (
         "Begin a capture",
         "What was captured before is let go.",
@@ -45,29 +46,29 @@ ORDERS: Mapping[str, tuple[str, str]] = {  # order: what is done, what to know b
 }
 NO_ROS = "this Python has no rclpy; source a ROS 2 Jazzy setup before delta-cal serve is started"
 _SERVICES = {"enable": ("enable", "true"), "disable": ("enable", "false")}
-_GROUPS = {  # title: what the names of its figures begin with; the rest in the last
+_GROUPS = {  # title: prefix of the names of its values; all others are in the last group
     "Captured": "captured",
     "Commands and guards": "command",
     "Calibration and state": "",
 }
 _NODE = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
-_WAIT_S = 3600  # that a diagnosis may take
-_OLD_S = 5.0  # after which what was heard is old
-_KEPT = 12  # answers
-_PATIENCE_S = 5.0
+_WAIT_S = 3600  # longest time for an answer, such as that of a diagnosis
+_OLD_S = 5.0  # age from which a node's state counts as old
+_KEPT = 12  # earlier answers that are kept
+_PATIENCE_S = 5.0  # for a child process to end before it is killed
 
 
 @dataclass(frozen=True)
 class Node:
-    """One calibration node, as it told of itself last.
+    """Last known state of one calibration node.
 
     Attributes:
         name: full name.
         level: `ok`, `warn` or `error`.
-        message: what it does and what troubles it.
-        robot: its robot's name.
-        values: figures, by their names with units.
-        doing: what it is at, a sentence a task.
+        message: its activity and its problems.
+        robot: name of its robot.
+        values: reported values, by their names with units.
+        doing: running tasks, a sentence each.
         old: whether it has not been heard for some seconds.
     """
 
@@ -80,7 +81,7 @@ class Node:
     old: bool
 
     def groups(self) -> dict[str, dict[str, str]]:
-        """The figures that say something, by what they are about."""
+        """The non-empty values, by group."""
         found: dict[str, dict[str, str]] = {title: {} for title in _GROUPS}
         for name, value in self.values.items():
             title = next(t for t, begins in _GROUPS.items() if name.startswith(begins))
@@ -91,7 +92,7 @@ class Node:
 
 @dataclass(frozen=True)
 class Answer:
-    """What came of an order; `state` is `waiting`, `done` or `refused`."""
+    """Answer to an order; `state` is `waiting`, `done` or `refused`."""
 
     when: str
     node: str
@@ -101,10 +102,10 @@ class Answer:
 
 
 class Cell:
-    """Watches the cell's nodes until it is closed."""
+    """Watch the cell's nodes until closed."""
 
     def __init__(self) -> None:
-        """Begin to watch."""
+        """Start watching."""
         self._lock = Lock()
         self._heard: dict[str, tuple[float, dict[str, Any]]] = {}
         self._answers: list[Answer] = []
@@ -121,16 +122,16 @@ class Cell:
         return tuple(_node(name, data, monotonic() - when) for name, (when, data) in heard)
 
     def answers(self) -> tuple[Answer, ...]:
-        """What came of orders, the newest first."""
+        """Answers to orders, the newest first."""
         with self._lock:
             return tuple(reversed(self._answers))
 
     def order(self, node: str, order: str) -> None:
-        """Give an order; its answer is among `answers` when it comes.
+        """Give an order to a node; the answer appears in `answers`.
 
         Raises:
             InputError: no such order, or no such node.
-            MistakeError: the node has not answered the last one yet.
+            MistakeError: the node has not answered the last order yet.
         """
         if order not in ORDERS:
             raise InputError(f"order {order!r}: there is none; there are: {', '.join(ORDERS)}")
@@ -145,7 +146,7 @@ class Cell:
         Thread(target=self._give, args=(answer,), daemon=True).start()
 
     def close(self) -> None:
-        """End what listens and asks."""
+        """End all child processes."""
         with self._lock:
             self._closed = True
             children = list(self._children)

@@ -1,12 +1,12 @@
-"""Which verb comes when: the order of the steps, their command lines, and what follows on each.
+"""Workflow of a case: the order of the steps, their command lines, and what follows each.
 
     bag:    check -> fit -> diagnose -> keep
     table:  columns -> (question) -> import -> check -> ...
-    fit cannot be made of so few places -> update -> keep_update, where a machine is named
-    check finds a mistake -> (question) -> mend -> check ..., or go on by --force, or stop
+    too few places for a fit -> update -> keep_update, if a machine is named
+    check finds a mistake -> (question) -> mend -> check ..., or continue by --force, or stop
     on request: certificate, commands, c, urdf; log for the change log of a machine
 
-A step is a verb of `delta-cal` run in the folder of the case; files are named from there.
+A step is a verb of `delta-cal` run in the folder of the case; file names are relative to it.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ STEPS = {
     "log": "Comparing all sessions of the machine",
 }
 FINDING_OUT = ("check", "fit", "diagnose", "keep")
-EXTRAS = {  # and what they write
+EXTRAS = {  # step of an export: files that it writes
     "certificate": ("certificate.html", "certificate.pdf", "certificate.json"),
     "commands": ("commands.csv",),
     "c": ("machine.c", "machine.h"),
@@ -47,12 +47,12 @@ EXTRAS = {  # and what they write
 
 @dataclass(frozen=True)
 class Said:
-    """What a verb left behind.
+    """Exit code and output of a verb.
 
     Attributes:
-        code: its exit code; negative where a signal ended it.
+        code: its exit code; negative if a signal ended it.
         told: its standard output.
-        error: its last line on the standard error.
+        error: last line of its standard error.
     """
 
     code: int
@@ -61,14 +61,14 @@ class Said:
 
 
 def first_steps(kind: str, preset: str) -> tuple[str, ...]:
-    """Steps of what was just dropped; a table of a known form needs no question."""
+    """First steps of a new case; a table of a known format needs no question."""
     if kind == TABLE:
         return ("import", *FINDING_OUT) if preset else ("columns",)
     return FINDING_OUT if kind == BAG else ("log",)
 
 
 def arguments(case: Case, step: str, store: str) -> list[str]:
-    """The command line of a step, behind `delta-cal`; every value stays behind its option."""
+    """Arguments of `delta-cal` for a step; values are joined to options, as --option=value."""
     robot, store_, machine = (
         f"--robot={case.robot}",
         f"--store={store}",
@@ -103,17 +103,17 @@ def arguments(case: Case, step: str, store: str) -> list[str]:
 
 
 def check_file(case: Case) -> str:
-    """What the check of the session in force found."""
+    """File with the result of the check of the current session."""
     return f"check-{case.mended}.json"
 
 
 def _found(case: Case, folder: Path) -> bool:
-    """Whether the check came to an end; it leaves with the same code where it could not."""
+    """Whether the check was completed; an incomplete check can end with the same exit code."""
     return (folder / check_file(case)).is_file()
 
 
 def _form(case: Case) -> list[str]:
-    """What the columns are: a mapping, or a preset with the second table that it needs."""
+    """Options for the columns: a mapping, or a preset with the second table that it needs."""
     preset, other = case.option("preset"), case.option("other")
     if not preset:
         return [f"--mapping={MAPPING}"]
@@ -124,7 +124,7 @@ def _form(case: Case) -> list[str]:
 
 
 def made_anew(case: Case) -> tuple[str, ...]:
-    """Folders in which a step's verb makes another."""
+    """Folders to be created anew for a step, in which its verb creates another."""
     return {"mend": (f"mended-{case.mended + 1}",), "import": ("bag",)}.get(case.step, ())
 
 
@@ -133,23 +133,23 @@ def _mended(case: Case) -> str:
 
 
 def begun(case: Case) -> Case:
-    """With its next step as the one that is worked on."""
+    """The case with its next step as the running one."""
     return replace(case, step=case.waiting[0], waiting=case.waiting[1:], said="")
 
 
 def again(case: Case) -> Case:
-    """With the step that was broken off by the end of the server before the others again."""
+    """The case with the step that the end of the server interrupted as its next step."""
     waiting = (case.step, *case.waiting) if case.step else case.waiting
     return replace(case, step="", waiting=waiting)
 
 
 def ended(case: Case, said: Said, folder: Path) -> Case:
-    """Return the step that follows a step.
+    """Return the case after a step, with the steps or the question that follow it.
 
     Args:
-        case: whose `step` has just ended.
-        said: how.
-        folder: of the case.
+        case: case whose `step` has just ended.
+        said: exit code and output of the step.
+        folder: folder of the case.
     """
     return replace(_after(case, case.step, said, folder), step="")
 
@@ -162,7 +162,7 @@ def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
     if step == "mend":
         return _after_mending(case, said, folder)
     if step in EXTRAS:
-        # an export that could not be written takes nothing from the verdict
+        # an export that failed does not invalidate the verdict
         return replace(_on(case), said=said.error if said.code else last_line(said.told))
     if step == "fit" and said.code == DataError.exit_code and case.machine:
         return _to_update(case, said)
@@ -181,20 +181,20 @@ def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
 
 
 def _to_update(case: Case, said: Said) -> Case:
-    """To a fit with what the history says, as the session by itself says too little."""
+    """Continue with an update, because the session alone has too few places for a fit."""
     kept = () if case.forced else ("keep_update",)
     options = {**(case.options or {}), _ALONE: said.error}
     return replace(case, waiting=("update", *kept), options=options, state=WORKING)
 
 
 def last_line(text: str) -> str:
-    """The last line that says something."""
+    """The last line that is not empty."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     return lines[-1] if lines else ""
 
 
 def _on(case: Case) -> Case:
-    """To the next step, or done."""
+    """Continue with the next step, or finish the case."""
     waiting, said = case.waiting, case.said
     if waiting[:1] == ("keep",) and (why := _not_kept(case)):
         waiting, said = waiting[1:], why
@@ -202,7 +202,7 @@ def _on(case: Case) -> Case:
 
 
 def _not_kept(case: Case) -> str:
-    """Why a session is not added to the history; empty where it is."""
+    """Reason why a session is not added to the history; empty if it is added."""
     if not case.machine:
         return "not in the history: no machine was named"
     return "not in the history: it was gone on with over a mistake" if case.forced else ""
@@ -213,7 +213,7 @@ def _asking(case: Case, question: str) -> Case:
 
 
 def _after_mending(case: Case, said: Said, folder: Path) -> Case:
-    """Back to the check, with the mended session; to the question where it was not mended."""
+    """Check the mended session again, or ask again if it could not be mended."""
     mended = _mended(case)
     if not (folder / mended).is_dir():
         return replace(_asking(case, MISTAKES), said=said.error)
@@ -230,15 +230,15 @@ def _after_mending(case: Case, said: Said, folder: Path) -> Case:
 
 
 def answered(case: Case, answer: str) -> Case:
-    """The case with an answer to its question.
+    """Return the case after an answer to its question.
 
     Args:
-        case: that asks.
-        answer: `take` (columns); `mend`, `force` or `stop` (mistakes).
+        case: case that asks.
+        answer: `take` (columns); `mend` or `force` (mistakes); `stop` (both).
 
     Raises:
-        MistakeError: it asks nothing, or has another question: somebody else answered first.
-        InputError: no such answer.
+        MistakeError: the case does not ask anything: somebody else answered first.
+        InputError: the question does not have this answer.
     """
     follows: dict[str, dict[str, tuple[str, ...]]] = {
         COLUMNS: {"take": ("import", *FINDING_OUT)},
@@ -262,10 +262,10 @@ def answered(case: Case, answer: str) -> Case:
 
 
 def wanted(case: Case, step: str, options: dict[str, str]) -> Case:
-    """The case with an export to be made, after those that are made already.
+    """Return the case with a further export, after those that are waiting already.
 
     Raises:
-        MistakeError: the session itself is still worked on, or asks something.
+        MistakeError: the session itself is still being processed, or asks something.
         InputError: there is no such export.
     """
     if step not in EXTRAS:

@@ -1,4 +1,4 @@
-"""What is asked for: sessions dropped, questions answered, exports, orders to a cell."""
+"""Handlers of POST requests: dropped sessions, answers to questions, exports, orders to a cell."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from delta_calibration.recording.presets import preset
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.texts import number_of
 
-_MOST_FILES, _MOST_FIELDS = 30, 40  # of a form
-_LONGEST = 200  # letters of a field of one line
+_MOST_FILES, _MOST_FIELDS = 30, 40  # in a form
+_LONGEST = 200  # most characters of a one-line field
 _ROBOT = "robot.yaml"
 _WAYS = ("row", "name", "nearest")
 _UNITS = ("", "m", "mm", "um", "inch")
-_STATED = {  # field of the form: place in the file of --about
+_STATED = {  # field of the form: keys in the file of --about
     "number": ("number",),
     "customer": ("customer",),
     "operator": ("operator",),
@@ -47,7 +47,7 @@ _STATED_NUMBERS = {"tolerance_mm": ("tolerance_mm",), "ambient": ("ambient", "te
 
 
 async def drop(request: Request) -> Response:
-    """Take in a session or a table, and begin to work on it."""
+    """Store a dropped session or table, and start to process it."""
     bench = bench_of(request)
     async with _form(request, bench) as form:
         id_ = bench.cases.new_id()
@@ -63,7 +63,7 @@ async def drop(request: Request) -> Response:
 
 
 async def answer(request: Request) -> Response:
-    """Go on as a question was answered."""
+    """Continue a case after its question was answered."""
     bench, id_ = bench_of(request), request.path_params["id"]
     async with _form(request, bench) as form:
         chosen, mapping = _line(form, "answer"), str(form.get("mapping", ""))
@@ -86,7 +86,7 @@ async def answer(request: Request) -> Response:
 
 
 async def stop(request: Request) -> Response:
-    """Give a session up."""
+    """Stop the work on a session."""
     bench, id_ = bench_of(request), request.path_params["id"]
     async with _form(request, bench):
         pass
@@ -95,7 +95,7 @@ async def stop(request: Request) -> Response:
 
 
 async def export(request: Request) -> Response:
-    """Make a certificate, corrected commands or an export."""
+    """Request a certificate, corrected commands or an export."""
     bench, id_ = bench_of(request), request.path_params["id"]
     step = request.path_params["step"]
     folder = bench.cases.folder(id_)
@@ -128,7 +128,7 @@ async def log(request: Request) -> Response:
 
 
 async def order(request: Request) -> Response:
-    """Give an order to a cell's node, which was confirmed."""
+    """Give a confirmed order to a node of the cell."""
     bench = bench_of(request)
     async with _form(request, bench) as form:
         node, name = _line(form, "node"), _line(form, "order")
@@ -147,10 +147,10 @@ async def _form(request: Request, bench: Bench) -> AsyncIterator[FormData]:
 
 
 def _dropped(bench: Bench, form: FormData, id_: str, folder: Path) -> Case:
-    """The case of what was dropped, its files in its folder.
+    """Create the case of a dropped session or table, and store its files in its folder.
 
     Raises:
-        InputError: a file or a field that is not as it should be.
+        InputError: a file or a field is not valid.
     """
     machine = _line(form, "machine")
     robot = _robot(bench, form, machine, folder)
@@ -173,10 +173,10 @@ def _dropped(bench: Bench, form: FormData, id_: str, folder: Path) -> Case:
 
 
 def _robot(bench: Bench, form: FormData, machine: str, folder: Path) -> str:
-    """The robot: a file of one's own, that of a known machine, or one that comes with this.
+    """Choose the robot: an uploaded file, that of a known machine, or one of the package.
 
     Raises:
-        InputError: none was chosen, or the file is no robot's.
+        InputError: no robot was chosen, or the file is not a robot file.
     """
     own = _files(form, "robot_file")
     if own:
@@ -195,7 +195,7 @@ def _robot(bench: Bench, form: FormData, machine: str, folder: Path) -> str:
 
 
 def _table_options(form: FormData, folder: Path) -> dict[str, str]:
-    """How a table is to be read: its form, and a second table."""
+    """Options for reading a table: its format, and a second table."""
     options = {name: _line(form, name) for name in ("preset", "other_preset", "by", "unit")}
     for name in ("preset", "other_preset"):
         if options[name]:
@@ -213,10 +213,10 @@ def _table_options(form: FormData, folder: Path) -> dict[str, str]:
 
 
 def _about(form: FormData) -> dict[str, Any]:
-    """What the certificate is to state, as the file of `--about` has it; empty fields left out.
+    """Content of the `--about` file of a certificate; empty fields are omitted.
 
     Raises:
-        InputError: a field that is to be a number, and is none.
+        InputError: a numeric field does not contain a number.
     """
     told: dict[str, Any] = {}
     for name, (*outer, last) in {**_STATED, **_STATED_NUMBERS}.items():
@@ -241,7 +241,7 @@ def _write_mapping(path: Path, text: str) -> None:
 
 
 def _files(form: FormData, name: str) -> list[tuple[IO[bytes], str]]:
-    """Files of a field; a browser sends an empty one where none was chosen."""
+    """Files of a field, without the empty one that a browser sends if no file was chosen."""
     given = [item for item in form.getlist(name) if isinstance(item, UploadFile)]
     return [(item.file, item.filename) for item in given if item.filename]
 
@@ -259,10 +259,10 @@ def _text(form: FormData, name: str) -> str:
 
 
 def _line(form: FormData, name: str) -> str:
-    """A field of one line.
+    """Read a one-line field.
 
     Raises:
-        InputError: it is too long, or holds what cannot be shown.
+        InputError: it is too long, or has non-printable characters.
     """
     value = _text(form, name).strip()
     if len(value) > _LONGEST or not value.isprintable():

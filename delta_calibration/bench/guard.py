@@ -1,14 +1,14 @@
-"""Who may ask, and what: the host's name, the token, the page that a form came from, and headers.
+"""Access control of the bench: host name, token, origin of forms, size limit and headers.
 
-Before anything is answered:
+Every request is checked before it is answered:
 
-- the `Host` must be one of the server's own names: a page elsewhere whose name is pointed at this
-  machine (DNS rebinding) gets nothing;
-- the browser must have been opened with the token once, which gave it a cookie; the token itself
-  is not kept in the cookie, nor in any link or log;
-- what changes anything must come from a page of this server (`Origin`), and carry the word that
-  its forms have (`key_of`), which no other page can read;
-- a body may be no larger than said.
+- the `Host` header must be one of the server's own names, so that a foreign page whose name is
+  resolved to this machine (DNS rebinding) gets nothing;
+- the browser must have opened the link with the token once, which gave it a cookie; the token
+  itself is not in the cookie, nor in any other link or log;
+- a request that changes anything must come from a page of this server (`Origin`), and contain the
+  key of its forms (`Secrets.key`), which no other page can read;
+- the body must not exceed the size limit.
 
 Source: OWASP cheat sheets "Cross-Site Request Forgery Prevention" and "HTTP Headers".
 """
@@ -27,13 +27,13 @@ from starlette.exceptions import HTTPException
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-_KEPT_S = 30 * 24 * 3600  # [s] for which a browser stays known
+_KEPT_S = 30 * 24 * 3600  # [s] lifetime of the cookie
 _READING = ("GET", "HEAD")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; "
     "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
 )
-# Pages that the verbs write carry their script in themselves: they are shown apart from the bench.
+# Pages that the verbs write contain inline scripts, so they are sandboxed apart from the bench.
 APART = (
     "sandbox allow-scripts; default-src 'none'; script-src 'unsafe-inline'; "
     "style-src 'unsafe-inline'; img-src data: blob:; base-uri 'none'; form-action 'none'"
@@ -52,12 +52,12 @@ HEADERS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Secrets:
-    """What is made of the token: the token opens, the cookie stays, the key goes with forms."""
+    """The token of a link, with the cookie of known browsers and the form key derived from it."""
 
     token: str
 
     def opens(self, token: str) -> bool:
-        """Whether this is the token."""
+        """Whether the token is right, compared in constant time."""
         return hmac.compare_digest(token.encode(), self.token.encode())
 
     @property
@@ -67,15 +67,15 @@ class Secrets:
 
     @property
     def key(self) -> str:
-        """The word that forms carry."""
+        """Key that every form contains."""
         return self._word("form")
 
     def knows(self, cookie: str) -> bool:
-        """Whether this is the cookie."""
+        """Whether the cookie is right, compared in constant time."""
         return hmac.compare_digest(cookie.encode(), self.cookie.encode())
 
     def require_key(self, given: str) -> None:
-        """Refuse a form that is not of this server.
+        """Refuse a form that does not come from a page of this server.
 
         Raises:
             HTTPException: 403.
@@ -88,21 +88,21 @@ class Secrets:
 
 
 class Guard:
-    """ASGI middleware that lets through what is said above, and puts headers on every answer."""
+    """ASGI middleware that makes the checks above, and adds headers to every answer."""
 
     def __init__(self, app: ASGIApp, secrets: Secrets, hosts: frozenset[str], most: int) -> None:
         """Guard an application.
 
         Args:
-            app: what is guarded.
-            secrets: of this server.
-            hosts: what `Host` may be, in small letters, with the port.
-            most: bytes of a body.
+            app: application to guard.
+            secrets: secrets of this server.
+            hosts: allowed values of the `Host` header, in lower case, with the port.
+            most: most bytes of a body.
         """
         self._app, self._secrets, self._hosts, self._most = app, secrets, hosts, most
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, or hand on."""
+        """Answer a request, or pass it on to the application."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -121,10 +121,10 @@ class Guard:
         await answer(scope, self._bounded(receive), with_headers)
 
     def _let_through(self, scope: Scope) -> Response | None:
-        """None where the application may answer; to a right token, the cookie.
+        """Check a request: None if the application may answer, a redirect if its token is right.
 
         Raises:
-            HTTPException: it may not.
+            HTTPException: the request is refused.
         """
         headers = Headers(scope=scope)
         host = self._require_host(headers)
@@ -163,7 +163,7 @@ class Guard:
             raise HTTPException(413, too_large(self._most))
 
     def _bounded(self, receive: Receive) -> Receive:
-        """What comes in, as long as it is not too much, whatever was announced."""
+        """Limit the received bytes, whatever `Content-Length` says."""
         taken = 0
 
         async def bounded() -> Message:
@@ -177,9 +177,9 @@ class Guard:
         return bounded
 
     def _opened(self, scope: Scope, name: str) -> RedirectResponse:
-        """To the same page without the token, with the cookie."""
+        """Redirect to the same page without the token, and set the cookie."""
         rest = urlencode([(k, v) for k, v in _query(scope) if k != "token"])
-        path = "/" + scope["path"].lstrip("/")  # two slashes would lead to another server
+        path = "/" + scope["path"].lstrip("/")  # "//name" would redirect to another server
         answer = RedirectResponse(path + (f"?{rest}" if rest else ""), 303)
         answer.set_cookie(
             name, self._secrets.cookie, max_age=_KEPT_S, httponly=True, samesite="lax"
@@ -188,7 +188,7 @@ class Guard:
 
 
 def too_large(most: int) -> str:
-    """Why a body is refused."""
+    """Message for a body that is too large."""
     return f"more than {most / (1 << 20):.0f} MB, and no more is taken (delta-cal serve --most)"
 
 
@@ -201,7 +201,7 @@ def _token(scope: Scope) -> str:
 
 
 def _cookie_name(host: str) -> str:
-    """Cookies know no ports: two servers on one machine must not take each other's."""
+    """Cookie name with the port: browsers share cookies between all ports of a host."""
     return f"delta_cal_{host.rpartition(':')[2]}"
 
 

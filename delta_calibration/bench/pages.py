@@ -1,4 +1,4 @@
-"""What is looked at: sessions, machines, the cell, and files to take."""
+"""Handlers of GET requests: pages of sessions, machines and the cell, and files to download."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from delta_calibration.bench.state import Bench
 from delta_calibration.recording.presets import overview
 from delta_calibration.robot import known_robots
 
-_ASIDE = ("written: ",)  # what a verb says beside the change log
+_ASIDE = ("written: ",)  # first words of output lines that are not part of the change log
 
 
 def bench_of(request: Request) -> Bench:
-    """The bench that a request is to."""
+    """The bench that a request is for."""
     bench: Bench = request.app.state.bench
     return bench
 
 
 def home(request: Request) -> Response:
-    """A place to drop a session, and all that was dropped."""
+    """Home page: an area to drop a session, and the list of all dropped sessions."""
     bench = bench_of(request)
     cases = [case for case in bench.cases.all() if case.kind != LOG]
     doing = {case.id: progress(case, bench.cases.folder(case.id)) for case in cases}
@@ -53,7 +53,7 @@ def home(request: Request) -> Response:
 
 
 def session(request: Request) -> Response:
-    """One session: how far it is, what it asks, what was found, what can be taken."""
+    """Page of one session: its progress, question, verdict and files."""
     bench = bench_of(request)
     case = bench.cases.get(request.path_params["id"])
     folder = bench.cases.folder(case.id)
@@ -74,14 +74,14 @@ def session(request: Request) -> Response:
 
 
 def machines(request: Request) -> Response:
-    """The machines of the history."""
+    """Page of the machines in the history."""
     bench = bench_of(request)
     known = [(name, robot, len(bench.sessions(name))) for name, robot in bench.machines()]
     return bench.page("machines", here="machines", machines=known, quote=_quoted)
 
 
 def machine(request: Request) -> Response:
-    """One machine: its sessions and its change log."""
+    """Page of one machine: its sessions and its change log."""
     bench, name = bench_of(request), request.query_params.get("name", "")
     entries = bench.sessions(name)
     logs = [case for case in bench.cases.all() if case.kind == LOG and case.machine == name]
@@ -102,7 +102,7 @@ def machine(request: Request) -> Response:
 
 
 def cell(request: Request) -> Response:
-    """The nodes of a running cell."""
+    """Page of the nodes of a running cell."""
     bench = bench_of(request)
     watched = bench.cell
     return bench.page(
@@ -118,7 +118,7 @@ def cell(request: Request) -> Response:
 
 
 def confirm(request: Request) -> Response:
-    """Ask once more before an order goes to a cell."""
+    """Page that asks for confirmation before an order goes to a cell."""
     node, order = (request.query_params.get(name, "") for name in ("node", "order"))
     if order not in ORDERS:
         raise HTTPException(404, "there is no such order")
@@ -129,7 +129,7 @@ def confirm(request: Request) -> Response:
 
 
 def file(request: Request) -> Response:
-    """A file of a session, to take; a page, with `?show=1`, to look at."""
+    """Download of a file of a session; with `?show=1` an HTML file is displayed instead."""
     bench, name = bench_of(request), request.path_params["name"]
     case = bench.cases.get(request.path_params["id"])
     path = bench.cases.folder(case.id) / name
@@ -141,14 +141,14 @@ def file(request: Request) -> Response:
 
 
 def _case_of(bench: Bench, path: Path) -> str:
-    """Id of the case that a session of the history lies in; empty where it is elsewhere."""
+    """Id of the case whose folder contains a session of the history; empty if none does."""
     home_ = (bench.data / "cases").resolve()
     inside = path.is_relative_to(home_)
     return path.relative_to(home_).parts[0] if inside else ""
 
 
 def _sentences(folder: Path) -> list[str]:
-    """The change log, as the verb told it."""
+    """Lines of the change log, from the output of the verb."""
     lines = told(folder, "log").splitlines()
     return [line for line in lines if line.strip() and not line.startswith(_ASIDE)]
 

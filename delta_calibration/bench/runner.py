@@ -1,8 +1,8 @@
-"""Runs the steps of cases as child processes, one case after the other.
+"""Run the steps of cases as child processes, in the order in which the cases were queued.
 
-A step is `python -m delta_calibration.cli.main VERB ...` in the folder of its case, what it says
-in two files there. The child leads a process group of its own, so that it and all it started can
-be ended; a step that the end of the server broke off is begun again by the next one.
+A step is `python -m delta_calibration.cli.main VERB ...` in the folder of its case, with its
+output in two files there. The child leads its own process group, so that it and all processes it
+started can be ended. A step that the end of the server interrupted is repeated by the next server.
 """
 
 from __future__ import annotations
@@ -35,16 +35,16 @@ from delta_calibration.bench.flow import (
 )
 from delta_calibration.processes import child_environment
 
-_PATIENCE_S = 5.0  # that a step has to end in after it was told to
+_PATIENCE_S = 5.0  # for a step to end after each signal
 _COMMANDS, _LOCK = "commands.txt", "lock"
-_MOST_TOLD = 200_000  # bytes of what a step said that are looked at
+_MOST_TOLD = 200_000  # most bytes that are read of a step's output
 _STEP = re.compile(r"step (\d+) of (\d+), (.+): after \d+ s")
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 
 
 @dataclass(frozen=True)
 class Doing:
-    """How far a step is: number of its part, of how many, and what the part is called."""
+    """Progress of a step: number and name of its present part, and the number of parts."""
 
     number: int
     of: int
@@ -52,21 +52,21 @@ class Doing:
 
 
 class Runner:
-    """Worker that runs queued jobs until it is closed."""
+    """Workers that run the steps of queued cases until closed."""
 
     def __init__(self, cases: Cases, store: str, workers: int = 1) -> None:
-        """Begin, with whatever was left unfinished.
+        """Start the workers, and queue the cases that were left unfinished.
 
         Args:
-            cases: to work on.
-            store: the history, a file by its full path or a URL.
-            workers: how many cases are worked on at once.
+            cases: cases to work on.
+            store: absolute path or URL of the history.
+            workers: number of cases that are processed at once.
         """
         self._cases, self._store = cases, store
         self._waiting: SimpleQueue[str | None] = SimpleQueue()
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._lock, self._closed = Lock(), False
-        self._active: set[str] = set()  # cases that a worker has
+        self._active: set[str] = set()  # cases that a worker is processing
         self._threads = [Thread(target=self._work, daemon=True) for _ in range(workers)]
         for case in reversed(cases.all()):
             if case.state == WORKING:
@@ -76,11 +76,11 @@ class Runner:
             thread.start()
 
     def take(self, id_: str) -> None:
-        """Work on a case that has steps waiting, after those that were handed over before."""
+        """Queue a case that has steps waiting."""
         self._waiting.put(id_)
 
     def stop(self, id_: str) -> None:
-        """Give a case up; what is done stays."""
+        """Stop a case; its results so far are kept."""
         self._cases.change(id_, _stopped)
         with self._lock:
             child = self._children.get(id_)
@@ -88,7 +88,7 @@ class Runner:
             _end(child)
 
     def close(self) -> None:
-        """End what runs, to be begun again by the next runner."""
+        """End the running steps; the next runner repeats them."""
         with self._lock:
             self._closed = True
             children = list(self._children.values())
@@ -105,7 +105,7 @@ class Runner:
                 pass
 
     def _work_on(self, id_: str) -> bool:
-        """Do the steps of a case, unless another worker does; whether some have come since."""
+        """Run a case's steps unless another worker does; returns whether new ones are waiting."""
         with self._lock:
             if id_ in self._active:
                 return False
@@ -119,7 +119,7 @@ class Runner:
         return not self._closed and _has_work(self._cases.get(id_))
 
     def _step(self, id_: str) -> bool:
-        """Do one step; whether there may be another."""
+        """Run one step; returns whether another one is waiting."""
         case = self._cases.change(id_, lambda c: begun(c) if _has_work(c) else c)
         if case.state != WORKING or not case.step:
             return False
@@ -133,14 +133,14 @@ class Runner:
         return _has_work(after)
 
     def _run(self, case: Case, folder: Path) -> Said:
-        """Run the verb of a case's step to its end."""
+        """Run the verb of a case's step and wait for its end."""
         out, err = (folder / f"{case.step}.{kind}" for kind in ("out", "err"))
         with (
             (folder / _LOCK).open("w") as lock,
             out.open("wb") as output,
             err.open("wb") as errors,
         ):
-            # The child holds it as well: one that outlived a killed server is waited for.
+            # The child holds the lock too: a child that outlived a killed server is waited for.
             fcntl.flock(lock, fcntl.LOCK_EX)
             clear(case, folder)
             verb = arguments(case, case.step, self._store)
@@ -166,7 +166,7 @@ class Runner:
 
 
 def clear(case: Case, folder: Path) -> None:
-    """Make the folders that a step's verb wants; let go of what an earlier try left."""
+    """Create the folders that a step's verb needs, and delete the results of an earlier try."""
     for name in EXTRAS.get(case.step, ()):
         (folder / name).unlink(missing_ok=True)
     for name in made_anew(case):
@@ -175,12 +175,12 @@ def clear(case: Case, folder: Path) -> None:
 
 
 def command(verb: Sequence[str]) -> list[str]:
-    """The command line of a verb, by this Python."""
+    """Command line that runs a verb with this Python interpreter."""
     return [sys.executable, "-m", "delta_calibration.cli.main", *verb]
 
 
 def doing(folder: Path, step: str) -> Doing | None:
-    """How far a step of a case is; None where its verb does not say."""
+    """Progress of a step of a case; None if its verb does not report any."""
     lines = _STEP.findall(_read(folder / f"{step}.err"))
     if not lines:
         return None
@@ -189,12 +189,12 @@ def doing(folder: Path, step: str) -> Doing | None:
 
 
 def told(folder: Path, step: str) -> str:
-    """What the verb of a step wrote to its standard output; empty where it did not run."""
+    """Standard output of a step's verb; empty if it did not run."""
     return _read(folder / f"{step}.out")
 
 
 def commands(folder: Path) -> list[str]:
-    """What was run in a case's folder, as one would type it."""
+    """Command lines that were run in a case's folder, as a user would type them."""
     return _read(folder / _COMMANDS).splitlines()
 
 
@@ -222,14 +222,14 @@ def _read(path: Path) -> str:
 
 
 def _sentence(errors: str, code: int) -> str:
-    """Why a verb failed, without the name of the program before it."""
+    """Reason of a verb's failure, without the program name before it; empty after success."""
     if code < 0:
         return f"ended by signal {-code}"
     return re.sub(r"^(delta-cal|Error): ", "", last_line(errors)) if code else ""
 
 
 def _end(child: subprocess.Popen[bytes]) -> None:
-    """End a child and all that it started: asked, then told, then killed."""
+    """End a child and all processes it started, by SIGINT, then SIGTERM, then SIGKILL."""
     for order in _SIGNALS:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child.pid, order)

@@ -1,4 +1,4 @@
-"""What a page shows of a case: the verdict in words, what was found, and the files to take."""
+"""Content of the page of a case: its verdict in words, mistakes, progress and downloads."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from delta_calibration.robot import Robot, load_robot
 from delta_calibration.texts import read_text
 from delta_calibration.wording import capital, listed, measured, mm, plain, spoken, sure
 
-_VALUES = 16  # of a cause that are told, the clearest of them
+_VALUES = 16  # most values that are shown of a cause, the most significant ones
 DOWNLOADS = {
     "report.html": "Report, a page to read and sign",
     "certificate.pdf": "Certificate, to print",
@@ -38,7 +38,7 @@ _UPDATE = "Calibration, fitted with what the history says; causes found before a
 
 @dataclass(frozen=True)
 class Row:
-    """A line of a table of two columns."""
+    """A row of a table with two columns."""
 
     name: str
     value: str
@@ -65,7 +65,7 @@ class Shown:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a case is, in words and as a share."""
+    """Progress of a case: a sentence, and the present part out of the number of parts."""
 
     sentence: str
     number: int = 0
@@ -73,7 +73,7 @@ class Progress:
 
 
 def progress(case: Case, folder: Path) -> Progress | None:
-    """What is worked on now; None where nothing is."""
+    """Present progress of a case; None if nothing is running or waiting."""
     if case.state != "working":
         return None
     if not case.step:
@@ -85,7 +85,7 @@ def progress(case: Case, folder: Path) -> Progress | None:
 
 
 def verdict_of(case: Case, folder: Path) -> Shown | None:
-    """The verdict of a case; None where there is none yet."""
+    """Verdict of a case in words; None if there is none yet."""
     path = folder / "verdict.json"
     if not path.is_file():
         return None
@@ -93,7 +93,7 @@ def verdict_of(case: Case, folder: Path) -> Shown | None:
 
 
 def shown(verdict: Verdict, robot: Robot) -> Shown:
-    """A verdict in words, with the robot's own names."""
+    """Put a verdict into words, with the robot file's own names."""
     named = robot.named
     noise = () if verdict.noise_mm is None else (Row("noise of a pose", mm(verdict.noise_mm)),)
     return Shown(
@@ -138,7 +138,7 @@ def _unknown(verdict: Verdict) -> list[str]:
 
 
 def mistakes(case: Case, folder: Path) -> list[dict[str, Any]]:
-    """What the check of the session in force found."""
+    """Mistakes that the check found in the current session, each with a title."""
     found: list[dict[str, Any]] = json.loads(read_text(folder / check_file(case)))["found"]
     return [{**m, "title": _mistake_title(m)} for m in found]
 
@@ -154,26 +154,26 @@ def _mistake_title(mistake: Mapping[str, Any]) -> str:
 
 
 def columns(folder: Path) -> dict[str, Any]:
-    """What was guessed of a table, with the mapping as it stands in its file."""
+    """Guessed meaning of a table's columns, with the text of the mapping file."""
     guessed: dict[str, Any] = json.loads(read_text(folder / "columns.json"))
     return {**guessed, "text": read_text(folder / MAPPING)}
 
 
 def files(folder: Path) -> list[tuple[str, str]]:
-    """Name and meaning of every file that can be taken."""
+    """Name and description of every file that can be downloaded."""
     update = {"calibration.yaml": _UPDATE} if told(folder, "update") else {}
     every = {**DOWNLOADS, **update}
     return [(name, said) for name, said in every.items() if (folder / name).is_file()]
 
 
 def outputs(folder: Path) -> list[tuple[str, str]]:
-    """What the verbs said, by the name of their step."""
+    """Title and standard output of every step that was run."""
     said = [(STEPS[step], told(folder, step)) for step in STEPS]
     return [(title, text) for title, text in said if text]
 
 
 def history_of_commands(folder: Path) -> str:
-    """What was run, a line each."""
+    """Command lines that were run in a case's folder, one per line."""
     return "\n".join(commands(folder))
 
 

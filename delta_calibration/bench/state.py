@@ -1,4 +1,4 @@
-"""What all answers of one server share."""
+"""State that all request handlers of one server share."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class Bench:
     """A running bench.
 
     Attributes:
-        data: folder of everything that it keeps.
-        cases: what was dropped.
-        runner: works on them.
-        store: the history, a file or a URL.
-        secrets: of this server.
-        cell: watches a running cell; None where it was told not to.
-        most: bytes of an upload.
-        templates: of the pages.
+        data: folder of all its data.
+        cases: dropped sessions and tables, and change logs.
+        runner: runs the steps of the cases.
+        store: file or URL of the history.
+        secrets: secrets of this server.
+        cell: watches a running cell; None with `--no-cell`.
+        most: most bytes of an upload.
+        templates: templates of the pages.
     """
 
     data: Path
@@ -44,7 +44,7 @@ class Bench:
     templates: jinja2.Environment
 
     def page(self, template: str, status: int = 200, **values: Any) -> HTMLResponse:
-        """An answer by a template."""
+        """Render a template as the answer to a request."""
         text = self.templates.get_template(f"{template}.html.j2").render(
             key=self.secrets.key, version=__version__, most=self.most, **values
         )
@@ -53,7 +53,7 @@ class Bench:
     def machines(self) -> tuple[tuple[str, str], ...]:
         """Name and robot of every machine of the history."""
         if "://" not in self.store and not Path(self.store).is_file():
-            return ()  # it is made with the first session
+            return ()  # the store is created with the first session
         with open_store(self.store) as store:
             return store.machines()
 
@@ -68,7 +68,7 @@ class Bench:
 
 
 def environment() -> jinja2.Environment:
-    """The templates; whatever stands in a value is shown, and obeyed by nobody."""
+    """Load the templates; all values are escaped, so that they are shown as plain text."""
     return jinja2.Environment(
         loader=jinja2.FunctionLoader(_template),
         autoescape=True,

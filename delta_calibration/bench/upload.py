@@ -1,8 +1,9 @@
-"""What was dropped becomes files of a case: bounded, and nothing outside of its folder.
+"""Store uploaded files in the folder of a case, limited in size and never outside the folder.
 
-A zip is unpacked by what comes out of it, not by what its list says: no more files and bytes than
-are allowed, no more than `MOST_RATIO` times its size once past `ALWAYS`, regular files of one
-recording only. A name that leads elsewhere is refused, and names as they are used are made anew.
+The limits of a zip apply to the bytes that are actually unpacked, not to the sizes in its
+directory: at most `MOST_FILES` files and the allowed bytes, and beyond `ALWAYS` at most
+`MOST_RATIO` times its own size. Only the regular files of one recording are unpacked. A file name
+that leads elsewhere is refused, and names of sessions are reduced to safe characters.
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ METADATA = "metadata.yaml"
 RECORDED = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
 TABLES = (".csv", ".txt", ".tsv", ".asc", ".dat", ".log", ".mod", ".ls", ".xlsx")
 KINDS = "a zip of a session's folder, a .mcap or .db3 file, or a table (csv, txt, xlsx ...)"
-MOST_FILES = 200  # in a zip
-MOST_RATIO = 200  # times its size, to which a zip may unpack
-ALWAYS = 64 * MEGABYTE  # to which any zip may
-MOST_SMALL = 2 * MEGABYTE  # of a robot's file or a list of points
+MOST_FILES = 200  # most files in a zip
+MOST_RATIO = 200  # largest ratio of unpacked to packed size, beyond ALWAYS
+ALWAYS = 64 * MEGABYTE  # unpacked size that is allowed for any zip
+MOST_SMALL = 2 * MEGABYTE  # most bytes of a robot file or a list of points
 _CHUNK = MEGABYTE
 
 
 @dataclass(frozen=True)
 class Dropped:
-    """What is in the case's folder now.
+    """A session or table that was stored in a case's folder.
 
     Attributes:
         kind: `bag` or `table`.
-        name: of the session.
-        path: of its folder or of the table, from the case's folder.
+        name: name of the session.
+        path: path of the session's folder or of the table, relative to the case's folder.
     """
 
     kind: str
@@ -46,12 +47,12 @@ class Dropped:
 
 
 def take_all(files: Sequence[tuple[IO[bytes], str]], folder: Path, most: int) -> Dropped:
-    """Keep what was dropped at once: one file, or those of a session's folder.
+    """Store files that were dropped together: a single file, or those of a session's folder.
 
     Args:
-        files: content and name of each, as the browser says.
-        folder: of the case.
-        most: bytes that they may have, unpacked.
+        files: content and name of each file, as sent by the browser.
+        folder: folder of the case.
+        most: most bytes of all files, unpacked.
 
     Raises:
         InputError: names the file, what is wrong with it, and what is allowed.
@@ -78,13 +79,13 @@ def take_all(files: Sequence[tuple[IO[bytes], str]], folder: Path, most: int) ->
 
 
 def take(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped:
-    """Keep a session or a table in a case's folder.
+    """Store a session or a table in a case's folder.
 
     Args:
-        stream: its content, from the beginning.
-        given: its file's name, as the browser says.
-        folder: of the case.
-        most: bytes that it may have, unpacked.
+        stream: content of the file, from its beginning.
+        given: name of the file, as sent by the browser.
+        folder: folder of the case.
+        most: most bytes of the file, unpacked.
 
     Raises:
         InputError: names the file, what is wrong with it, and what is allowed.
@@ -105,10 +106,10 @@ def take(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped:
 
 
 def copy(stream: IO[bytes], given: str, path: Path, most: int) -> int:
-    """Write a stream to a new file; its bytes.
+    """Write a stream to a new file and return the number of bytes.
 
     Raises:
-        InputError: it has more bytes than are allowed, is empty, or cannot be written.
+        InputError: the stream is too long or empty, or the file cannot be written.
     """
     size = 0
     try:
@@ -129,7 +130,7 @@ def copy(stream: IO[bytes], given: str, path: Path, most: int) -> int:
 
 
 def _take_zip(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped:
-    """The one recording in a zip."""
+    """Unpack the one recording in a zip."""
     packed = stream.seek(0, 2)
     stream.seek(0)
     try:
@@ -147,10 +148,10 @@ def _take_zip(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped
 
 
 def _recording(archive: zipfile.ZipFile, given: str) -> list[zipfile.ZipInfo]:
-    """The files of the recording in a zip; other folders in it are left aside.
+    """List the files of the one recording in a zip; other files are ignored.
 
     Raises:
-        InputError: too many files, one that is none or leads elsewhere, or not one recording.
+        InputError: too many files, an entry that is refused, or not exactly one recording.
     """
     entries = [entry for entry in archive.infolist() if not entry.is_dir()]
     if len(entries) > MOST_FILES:
@@ -170,7 +171,7 @@ def _recording(archive: zipfile.ZipFile, given: str) -> list[zipfile.ZipInfo]:
 
 
 def _require_plain(entry: zipfile.ZipInfo, given: str) -> None:
-    """Refuse what is no file, is locked, or has a name that leads out of its folder.
+    """Refuse an entry that is a link or device, is encrypted, or leads out of its folder.
 
     Raises:
         InputError: names the entry.
@@ -190,7 +191,7 @@ def _require_plain(entry: zipfile.ZipInfo, given: str) -> None:
 
 
 def _hidden(entry: zipfile.ZipInfo) -> bool:
-    """Whether it is what a system keeps for itself (`__MACOSX/._data.mcap`)."""
+    """Whether an entry is hidden or written by macOS for itself (`__MACOSX/._data.mcap`)."""
     parts = entry.filename.split("/")
     return parts[0] == "__MACOSX" or parts[-1].startswith(".")
 
@@ -225,6 +226,6 @@ def _told(size: int) -> str:
 
 
 def _called(name: str) -> str:
-    """A name that a stranger gave, as it may stand in a sentence."""
+    """Make a file name from outside fit for a message: printable and at most 80 characters."""
     plain = "".join(c if c.isprintable() else "?" for c in name)
     return plain if len(plain) <= 80 else f"{plain[:77]}..."

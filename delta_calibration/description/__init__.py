@@ -1,4 +1,4 @@
-"""Robots as trees of links, for viewers: URDF, and the values of the passive joints."""
+"""Robots as trees of links for viewers: the URDF, and the values of the passive joints."""
 
 from delta_calibration.description.skeleton import Skeleton
 from delta_calibration.description.skeletons import describe

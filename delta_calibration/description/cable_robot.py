@@ -1,4 +1,4 @@
-"""Tree of a machine on cables."""
+"""Tree of a cable robot."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 _WIRE, _THICK = 0.004, 0.03  # [m] radii of cables and drums
-_HALF = 0.03  # [m] of a drum
-_BALL = 0.02  # [m] radius of a platform that is a point
+_HALF = 0.03  # [m] half height of a drum
+_BALL = 0.02  # [m] radius of a plate that shows a point platform
 
 
 class CableRobotLook(Look):
@@ -39,12 +39,13 @@ class CableRobotLook(Look):
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
         """Drums that turn, and cables whose length is a joint of its own.
 
-        More cables than freedoms do not all fit a pose: each cable reaches the platform in the
-        tree, and is by the misfit longer or shorter than what its drum has let out.
+        If there are more cables than degrees of freedom, not all lengths fit a pose exactly: in
+        the tree each cable reaches the platform, so its length differs by the closure residual
+        from what its drum has let out.
         """
         assert isinstance(mechanism, CableRobot)
         home = mechanism.dimensions.home[None]
-        # anchor, and of a body its own joint, first
+        # each row begins with the anchor and, if the platform is a body, the cable's joint on it
         cables = geometry.reshape(mechanism.joints, -1)
         anchors, body = cables[:, :3], mechanism.pose_size == 6
         ends = cables[:, 3:6] if body else mechanism.dimensions.joints

@@ -33,8 +33,8 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 _ROD, _THICK = 0.012, 0.03  # [m] radii of struts and sliders
-_HALF = 0.03  # [m] of a slider
-_FORK = "fork"  # the part of the platform that turns about x alone
+_HALF = 0.03  # [m] half height of a slider
+_FORK = "fork"  # part of the platform that turns about x but not about y
 
 
 class FiveAxisLook(Look):
@@ -80,5 +80,5 @@ class FiveAxisLook(Look):
 
 
 def _unturned(values: Values, pose: Array) -> Values:
-    """The fork turns back about y by what the platform turns, (n, 4) pose."""
+    """Turn the fork back about y by the angle of the platform; `pose` is (n, 4)."""
     return {_FORK: -pose[:, 3]}

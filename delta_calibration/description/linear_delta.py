@@ -1,4 +1,4 @@
-"""Tree of a Delta on towers."""
+"""Tree of a linear Delta: a Delta with carriages on towers."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 _THICK, _THIN = 0.02, 0.007  # [m] radii of carriages and arms
-_HALF = 0.02 * Z  # [m] of a carriage
+_HALF = 0.02 * Z  # [m] half height of a carriage
 
 
 class LinearDeltaLook(Look):
@@ -39,7 +39,7 @@ class LinearDeltaLook(Look):
     mechanism: ClassVar[str] = LinearDelta.name
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
-        """Carriages on towers, an arm each; their joints are moved in by the platform's radius."""
+        """Carriages on towers with an arm each; arm joints are moved in by the platform radius."""
         links, joints, struts, towers = [], [], [], []
         for i, limb in enumerate(mechanism.limbs):
             g = geometry[list(limb.dimensions)]

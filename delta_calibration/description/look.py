@@ -1,7 +1,8 @@
-"""How machines of one mechanism are drawn; a file for each mechanism, found by its name.
+"""Base class of looks; a look says how the machines of one mechanism are drawn.
 
-A package that adds a mechanism adds its look in the entry-point group `delta_calibration.looks`:
-the entry's name is the mechanism's, its value `module:Class`.
+Each look has a file of its own and is found by the mechanism's name. A package that adds a
+mechanism adds its look in the entry-point group `delta_calibration.looks`: the name of the entry
+is the mechanism's name, its value is `module:Class`.
 """
 
 from __future__ import annotations
@@ -25,9 +26,9 @@ class Look(ABC):
     mechanism: ClassVar[str]  # name of the mechanism
 
     def model(self, mechanism: Mechanism, geometry: Array) -> tuple[Mechanism, Array]:
-        """Mechanism and geometry (p,) that are drawn in place of these; the same by default."""
+        """Mechanism and geometry (p,) to be drawn instead of these; unchanged by default."""
         return mechanism, geometry
 
     @abstractmethod
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
-        """The mechanism's own part of the tree, for a geometry (p,)."""
+        """Links, joints and struts of the mechanism with a geometry (p,)."""

@@ -1,4 +1,4 @@
-"""The looks of all mechanisms by the mechanisms' names; one of the package is a line here."""
+"""Registry of the looks of all mechanisms by name; a look of this package needs a line here."""
 
 from __future__ import annotations
 

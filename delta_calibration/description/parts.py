@@ -1,4 +1,4 @@
-"""What a mechanism's own part of a tree consists of."""
+"""Parts of a tree that depend on the mechanism, and helpers to make them."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_HALF = 0.01 * Z  # [m] of a plate's thickness
+_HALF = 0.01 * Z  # [m] half thickness of a plate
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Links and joints from the base on, struts to the platform, and what hangs on the platform.
+    """Links and joints from the base, struts to the platform, and links behind the platform.
 
-    A mechanism without struts has the platform's joint among its own.
+    Without struts, `joints` contain the joint of the platform.
     """
 
-    base: tuple[Cylinder, ...] = ()  # what is seen of the base
+    base: tuple[Cylinder, ...] = ()  # visible shapes of the base
     links: tuple[Link, ...] = ()
     joints: tuple[Joint, ...] = ()
     struts: tuple[Strut, ...] = ()
-    platform: tuple[Cylinder, ...] = ()  # what is seen of the platform
+    platform: tuple[Cylinder, ...] = ()  # visible shapes of the platform
     behind_links: tuple[Link, ...] = ()
     behind_joints: tuple[Joint, ...] = ()
     follow: Follow = lambda values, pose: {}
@@ -43,16 +43,16 @@ def motor(
     axis: Array,
     kind: str = REVOLUTE,
 ) -> Joint:
-    """The robot file's joint of this index, with its name and limits; its value is the reading.
+    """Make the tree joint of a motor joint, with its name and limits; its value is the reading.
 
     Args:
-        robot: of which it is.
-        index: of the joint.
-        parent: link that it stands on.
-        child: link that it moves.
-        origin: of the child in the parent where the mechanism's own joint is zero.
-        axis: about or along which its own joint grows, (3,).
-        kind: of the joint.
+        robot: robot with the joint.
+        index: index of the joint in the robot file.
+        parent: link that the joint is mounted on.
+        child: link that the joint moves.
+        origin: frame of the child in the parent when the mechanism's own joint value is zero.
+        axis: axis about or along which the mechanism's own joint value increases, (3,).
+        kind: `REVOLUTE` or `PRISMATIC`.
     """
     own, drives = robot.joints, robot.drives
     limits = (float(own.lower[index]), float(own.upper[index]), own.speed)
@@ -65,5 +65,5 @@ def motor(
 
 
 def plate(radius: float) -> tuple[Cylinder, ...]:
-    """A round plate across z, of a radius [m]."""
+    """A round plate perpendicular to z, with a radius [m]."""
     return (Cylinder(-_HALF, _HALF, radius),)

@@ -1,4 +1,4 @@
-"""Tree of a Delta whose pairs of rods are one: that of six rods that stand where those do."""
+"""Tree of a rotary Delta with one forearm per leg: drawn as the equivalent six-rod Delta."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Array = NDArray[np.float64]
 
 
 class RotaryDeltaLook(SixRodDeltaLook):
-    """Arms, rods and platform of a Delta of three spheres."""
+    """Arms, rods and platform of a rotary Delta with one forearm per leg."""
 
     mechanism: ClassVar[str] = RotaryDelta.name
 
     def model(self, mechanism: Mechanism, geometry: Array) -> tuple[Mechanism, Array]:
-        """Six rods in pairs that do not differ."""
+        """The equivalent six-rod Delta, with two equal rods per leg."""
         assert isinstance(mechanism, RotaryDelta)
         return alike(mechanism, geometry)

@@ -37,9 +37,9 @@ class SerialArmLook(Look):
     mechanism: ClassVar[str] = SerialArm.name
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
-        """Links of modified DH, A_i = R_x R_y T_x R_z(q_i + z_i) T_z.
+        """Links in modified DH form, A_i = R_x R_y T_x R_z(q_i + z_i) T_z.
 
-        Offsets go with their link.
+        The offset (T_z) belongs to the link behind the joint.
         """
         assert isinstance(mechanism, SerialArm)
         given = dict(zip(mechanism.parameters.names, geometry.tolist(), strict=True))
@@ -67,7 +67,7 @@ class SerialArmLook(Look):
 
 
 def _drawn(corner: Array, end: Array) -> tuple[Cylinder, ...]:
-    """A link as two rods: along the axis that it turns about, then on to the next."""
+    """Draw a link as two rods: along the axis it turns about, then to the next joint."""
     bends = ((np.zeros(3), corner, ORANGE), (corner, end, BLUE))
     return tuple(Cylinder(a, b, _THICK, c) for a, b, c in bends if not np.array_equal(a, b))
 

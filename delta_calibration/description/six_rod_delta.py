@@ -1,4 +1,4 @@
-"""Tree of a Delta on motors, with six rods."""
+"""Tree of a rotary Delta with six rods."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class SixRodDeltaLook(Look):
     mechanism: ClassVar[str] = SixRodDelta.name
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
-        """Arms on hinges and six rods; the elbows' lines of balls keep the hinges' orientation."""
+        """Arms on hinges and six rods; the lines of elbow balls do not turn with the arms."""
         assert isinstance(mechanism, SixRodDelta)
         links: list[Link] = []
         joints: list[Joint] = []
@@ -74,7 +74,7 @@ class SixRodDeltaLook(Look):
 
 
 def _rods(number: int, leg: Array, elbow: str, stand: Array) -> list[Strut]:
-    """The two rods of a leg that stands turned by `stand`."""
+    """The two rods of a leg; `stand` (3, 3) is the rotation of the leg's frame in the base."""
     line = _tilted(leg[delta.ELBOW_X], leg[delta.ELBOW_Z]) @ Y
     crooked = _tilted(leg[delta.LINE_X], leg[delta.LINE_Z]) @ Y
     rods = []
@@ -90,7 +90,7 @@ def _rods(number: int, leg: Array, elbow: str, stand: Array) -> list[Strut]:
 
 
 def _upright(values: Values, robot: Robot, mechanism: Mechanism) -> Values:
-    """Elbows turn back by as much as the arms turn."""
+    """Turn the elbows back by the angles of the arms."""
     own = mechanism.drives.own(np.stack([values[name] for name in robot.joints.names], axis=-1))
     return {f"elbow_{leg + 1}": -own[..., leg] for leg in range(LEGS)}
 

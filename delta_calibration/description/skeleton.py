@@ -1,8 +1,8 @@
-"""A mechanism as a tree, and the values of its joints that no motor turns.
+"""A mechanism as a tree of links, with the values of its passive joints.
 
-A tree has no loops. So the platform hangs on the first strut alone, and every other strut ends in
-the air; the values of the passive joints, which come from the mechanism's own closure, put those
-ends where the platform's joints are.
+A tree has no loops, so only the first strut is connected to the platform and all others have free
+ends. The values of the passive joints come from the mechanism's closure equations and place these
+ends at the platform's joints.
 """
 
 from __future__ import annotations
@@ -33,26 +33,26 @@ from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
 Values = dict[str, Array]  # of joints, each (n,) [rad or m]
-Follow = Callable[[Values, Array], Values]  # joints and pose (n, k) to the joints that follow them
+Follow = Callable[[Values, Array], Values]  # motor joints and pose (n, k) to dependent joints
 Limb = tuple[tuple[Link, ...], tuple[Joint, ...]]
 
-_LONGEST, _SPEED = 10.0, 100.0  # of its length at home, [m/s]: a cable is not limited here
+_LONGEST, _SPEED = 10.0, 100.0  # [length at home], [m/s] wide limits: URDF needs some for a cable
 WRIST = ("platform_x", "platform_y", "platform_z")  # joints between first strut and platform
-_WIRE = 0.6  # of its length at home, that either end of a telescopic strut is drawn with
+_WIRE = 0.6  # [length at home] drawn length of each half of a telescopic strut
 
 
 @dataclass(frozen=True)
 class Strut:
-    """A rod or cable between a link that the motors move and the platform, on universal joints.
+    """A rod or cable on a universal joint, from a link that the motors move to the platform.
 
-    At no swing and no tilt it hangs along -z of its origin; it swings about y, then tilts about x.
+    At zero swing and tilt it lies along -z of its origin; it swings about y, then tilts about x.
     """
 
     name: str
-    link: str  # what it begins at
-    origin: Frame  # where, in that link
-    end: Array  # (3,) [m] where it ends, in `carrier`
-    length: float  # [m]; of a cable that at home
+    link: str  # link where it begins
+    origin: Frame  # frame of its beginning, in that link
+    end: Array  # (3,) [m] position of its end, in `carrier`
+    length: float  # [m]; of a cable the length at home
     radius: float  # [m]
     carrier: str = TOOL
     stretches: bool = False  # a cable, whose length is a joint as well
@@ -60,7 +60,7 @@ class Strut:
 
     @property
     def limb(self) -> Limb:
-        """The cross of the universal joint, the strut, and what a cable ends in."""
+        """Links and joints of the strut: cross of the universal joint, strut, end of a cable."""
         cross, strut, end = (f"{part}_{self.name}" for part in ("cross", "strut", "end"))
         along = -(_WIRE if self.stretches else 1.0) * self.length * Z
         links = [Link(cross), Link(strut, (Cylinder(0 * Z, along, self.radius, self.colour),))]
@@ -78,7 +78,7 @@ class Strut:
 
     @property
     def tip(self) -> tuple[str, Frame]:
-        """The link at its far end, and where in it that is."""
+        """The link at the far end of the strut, and the frame of this end in that link."""
         if self.stretches:
             return f"end_{self.name}", Frame.identity()
         return f"strut_{self.name}", Frame(np.eye(3), -self.length * Z)
@@ -86,26 +86,26 @@ class Strut:
 
 @dataclass(frozen=True)
 class Skeleton:
-    """A mechanism of some geometry and its tree.
+    """A mechanism with a geometry (p,) and its tree.
 
-    `follow` gives, from the motors' joints and the pose, joints that only some mechanisms have.
+    `follow` computes, from the motors' joints and the pose, joints that only some mechanisms have.
     """
 
     mechanism: Mechanism
     geometry: Array  # (p,)
     tree: Tree
-    actuated: tuple[str, ...]  # (m,) joints of the tree, in the order of the robot's
-    struts: tuple[Strut, ...] = ()  # the first of which has the platform
+    actuated: tuple[str, ...]  # (m,) motor joints of the tree, in the order of the robot file
+    struts: tuple[Strut, ...] = ()  # the first one carries the platform
     wrist: Array = field(default_factory=lambda: np.eye(3))  # see `on_strut`
     follow: Follow = lambda values, pose: {}
 
     @property
     def passive(self) -> tuple[str, ...]:
-        """Names of the joints that no motor turns."""
+        """Names of the passive joints."""
         return tuple(name for name in self.tree.moving if name not in self.actuated)
 
     def values(self, q: Array) -> Values:
-        """Values of all joints at the motors' (n, m), each (n,); NaN where out of reach."""
+        """Values (n,) of all joints at motor joints (n, m) [rad or m]; NaN if out of reach."""
         values = dict(zip(self.actuated, q.T, strict=True))
         if not self.struts:
             return values
@@ -121,7 +121,7 @@ class Skeleton:
         return values | dict(zip(WRIST, turns_about_xyz(free), strict=True))
 
     def _on_platform(self, strut: Strut, values: Values) -> Array:
-        """How what a strut ends in is turned in the platform, (n, 3, 3) or (3, 3)."""
+        """Rotation of a strut's carrier in the platform, (n, 3, 3) or (3, 3)."""
         if strut.carrier == TOOL:
             return np.eye(3)
         joint = next(joint for joint in self.tree.joints if joint.child == strut.carrier)
@@ -129,11 +129,12 @@ class Skeleton:
 
 
 def on_strut(strut: Strut, turn: Array) -> Limb:
-    """A ball joint at a strut's end, three joints in one place, and the platform's frame on it.
+    """Connect the platform to a strut's end by a ball joint, made of three revolute joints.
 
     Args:
-        strut: that has the platform.
-        turn: of the platform at home, as seen from the strut, (3, 3): there the joints are at 0.
+        strut: strut that carries the platform.
+        turn: rotation of the platform in the strut's frame at home, (3, 3), where the three
+            joints are at 0.
     """
     tip, at = strut.tip
     inner = ("wrist_x", "wrist_y", "wrist_z")
@@ -145,7 +146,7 @@ def on_strut(strut: Strut, turn: Array) -> Limb:
 
 
 def aim(strut: Strut, link: tuple[Array, Array], end: Array) -> Values:
-    """Swing and tilt (and length) that lead a strut from its link to `end`, (n, 3) [m]."""
+    """Swing, tilt and (of a cable) length with which a strut reaches `end`, (n, 3) [m]."""
     rotation, place = link
     start = place + rotation @ strut.origin.translation
     way = np.einsum("nji,nj->ni", rotation @ strut.origin.rotation, end - start)
@@ -158,7 +159,7 @@ def aim(strut: Strut, link: tuple[Array, Array], end: Array) -> Values:
 
 
 def lying(strut: Strut, link: Array, values: Values) -> Array:
-    """How a strut lies in the base, (n, 3, 3), its link turned by `link` (n, 3, 3)."""
+    """Rotation of a strut in the base, (n, 3, 3), from that of its link (n, 3, 3)."""
     swing, tilt = (values[f"{way}_{strut.name}"][:, None] for way in ("swing", "tilt"))
     return np.asarray(
         link @ strut.origin.rotation @ rotations.exp(swing * Y) @ rotations.exp(tilt * X)
@@ -166,7 +167,7 @@ def lying(strut: Strut, link: Array, values: Values) -> Array:
 
 
 def turns_about_xyz(rotation: Array) -> tuple[Array, Array, Array]:
-    """Angles a, b, c of R_x(a) R_y(b) R_z(c), each (n,) [rad]; (n, 3, 3)."""
+    """Angles a, b, c, each (n,) [rad], of rotations R_x(a) R_y(b) R_z(c) (n, 3, 3)."""
     m = rotation
     level = np.hypot(m[:, 0, 0], m[:, 0, 1])
     return (

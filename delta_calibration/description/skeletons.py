@@ -1,4 +1,4 @@
-"""The trees of the mechanisms, each from the mechanism's parameters as fitted or as drawn."""
+"""Make the tree of a robot from its nominal or identified geometry."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_TIP = 0.004  # [m] radius of what leads from the platform to the tool
+_TIP = 0.004  # [m] radius of the rod from the platform to the tool centre point
 
 
 def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
-    """The robot as its file draws it, or as it was identified; what effects do is not shown.
+    """Make the tree of a robot with nominal or identified geometry; effects are not shown.
 
-    With a calibration the tracker's frame is a link as well, fixed to the base.
+    With a calibration the tracker's frame is an additional link, fixed to the base.
 
     Raises:
-        InputError: a mechanism of another package that adds no look.
+        InputError: the mechanism is of another package, which adds no look for it.
     """
     if calibration is None:
         mechanism = robot.detailed
@@ -60,7 +60,7 @@ def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
 def assembled(
     robot: Robot, mechanism: Mechanism, geometry: Array, parts: Parts, more: Parts
 ) -> Skeleton:
-    """The whole tree; the ball joint under the platform is at zero with the motors at home."""
+    """Assemble the whole tree; the platform's ball joint is at zero with the motors at home."""
     limbs = [strut.limb for strut in parts.struts]
     links = (Link(BASE, parts.base), *parts.links, *chain.from_iterable(part for part, _ in limbs))
     joints = (*parts.joints, *chain.from_iterable(part for _, part in limbs))
@@ -80,7 +80,7 @@ def assembled(
 
 
 def _beyond(robot: Robot, calibration: Calibration | None) -> Parts:
-    """The tool's centre point where it is not the platform's; the tracker where it is known."""
+    """Links of the tool centre point, if off the platform's centre, and of a known tracker."""
     links, joints = [], []
     if robot.tool_offset.any():
         links.append(Link("tcp", (Cylinder(-robot.tool_offset, np.zeros(3), _TIP, GREY),)))

@@ -1,7 +1,7 @@
-"""Links and joints as a tree, as URDF has them, and where the links are at given joint values.
+"""Tree of links and joints as in URDF, and its forward kinematics.
 
-A joint's frame stands at `origin` in its parent; the child's frame is that, turned about `axis` or
-shifted along it by the joint's value.
+A joint's frame is at `origin` in its parent. The child's frame is the joint's frame, rotated about
+`axis` or shifted along it by the joint's value.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from delta_calibration.geometry import Frame, rotations
 
 Array = NDArray[np.float64]
 
-BASE, TOOL, TRACKER = "base_link", "tool0", "tracker"  # frames of the contract
+BASE, TOOL, TRACKER = "base_link", "tool0", "tracker"  # public frame names
 _PREFIX = re.compile(r"([\w.-]+(/[\w.-]+)*/?)?", re.ASCII)
 FIXED, REVOLUTE, CONTINUOUS, PRISMATIC = "fixed", "revolute", "continuous", "prismatic"
 X, Y, Z = np.eye(3)
 
-# Okabe and Ito's colours, told apart by colour-blind eyes as well; red, green, blue of 1.
+# Okabe and Ito's palette, distinguishable by colour-blind people too; red, green, blue in 0..1.
 GREY, BLACK = (0.6, 0.6, 0.6), (0.15, 0.15, 0.15)
 ORANGE, BLUE = (0.90, 0.62, 0.0), (0.0, 0.45, 0.70)
 GREEN = (0.0, 0.62, 0.45)
@@ -33,7 +33,7 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A round part of a link, between two points in the link's frame."""
+    """A cylinder of a link, between two points in the link's frame."""
 
     start: Array  # (3,) [m]
     end: Array  # (3,) [m]
@@ -43,7 +43,7 @@ class Cylinder:
 
 @dataclass(frozen=True)
 class Link:
-    """A body, by what is seen of it."""
+    """A body with its visible shapes."""
 
     name: str
     shapes: tuple[Cylinder, ...] = ()
@@ -51,10 +51,10 @@ class Link:
 
 @dataclass(frozen=True)
 class Joint:
-    """What leads from one link to the next.
+    """A joint from a parent link to a child link.
 
-    `lower` and `upper` [rad or m] and `speed` [rad/s or m/s] are asked for where it is revolute or
-    prismatic.
+    The limits `lower` and `upper` [rad or m] and `speed` [rad/s or m/s] are only used if it is
+    revolute or prismatic.
     """
 
     name: str
@@ -70,7 +70,7 @@ class Joint:
 
 @dataclass(frozen=True)
 class Tree:
-    """A robot; every joint stands behind the one that leads to its parent."""
+    """A robot as a tree; each joint comes after the joint that leads to its parent."""
 
     name: str
     links: tuple[Link, ...]
@@ -82,10 +82,11 @@ class Tree:
         return tuple(joint.name for joint in self.joints if joint.kind != FIXED)
 
     def frames(self, values: Mapping[str, Array]) -> dict[str, tuple[Array, Array]]:
-        """Rotation (n, 3, 3) and place (n, 3) [m] of the links that can be told, in the base.
+        """Rotation (n, 3, 3) and position (n, 3) [m] of the links in the base.
 
         Args:
-            values: of joints, each (n,) [rad or m]; what hangs behind others is left out.
+            values: values of joints, each (n,) [rad or m]; links behind other moving joints are
+                omitted.
         """
         n = len(next(iter(values.values())))
         found = {BASE: (np.tile(np.eye(3), (n, 1, 1)), np.zeros((n, 3)))}
@@ -97,10 +98,10 @@ class Tree:
 
 
 def frame_prefix(text: str) -> str:
-    """What stands before the names of a robot's frames among several robots; empty for one alone.
+    """Check the prefix of a robot's frame names; empty for a single robot.
 
     Raises:
-        InputError: no frame may be called so.
+        InputError: it is not allowed in frame names.
     """
     if not _PREFIX.fullmatch(text):
         raise InputError(
@@ -120,7 +121,7 @@ def _moved(joint: Joint, value: Array, rotation: Array, place: Array) -> tuple[A
 
 
 def toward(direction: Array) -> Array:
-    """The smallest rotation that turns z into a direction, (3,) -> (3, 3)."""
+    """Smallest rotation that turns z into a direction, (3,) -> (3, 3)."""
     axis = np.cross(Z, direction)
     sine = float(np.linalg.norm(axis))
     angle = np.arctan2(sine, direction[2])

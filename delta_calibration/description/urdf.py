@@ -1,6 +1,6 @@
-"""A tree as URDF text, the XML that RViz, Foxglove and robot_state_publisher read.
+"""Write a tree as URDF text, the XML that RViz, Foxglove and robot_state_publisher read.
 
-Shapes are for the eye; there are no masses and no collision shapes.
+Shapes are visual only; there are no masses and no collision shapes.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ Array = NDArray[np.float64]
 
 
 def urdf(tree: Tree, prefix: str = "") -> str:
-    """The document; numbers have all the digits that a double has.
+    """Write the URDF document; numbers have all the digits of a double.
 
     Args:
-        tree: the robot.
-        prefix: before the names of links, which become those of frames; joints keep theirs.
+        tree: tree of the robot.
+        prefix: prefix of the link names, which become the frame names; joint names have none.
 
     Raises:
-        InputError: no frame may be called so.
+        InputError: the prefix is not allowed in frame names.
     """
     frame_prefix(prefix)
     robot = Element("robot", name=tree.name)
@@ -67,7 +67,7 @@ def _add_material(visual: Element, shape: Cylinder) -> None:
 
 
 def _name(colour: Colour) -> str:
-    """The same colour has to have the same name in all of the document."""
+    """Name of a material: the same colour must have the same name throughout the document."""
     return "colour_" + "_".join(f"{100 * part:.0f}" for part in colour)
 
 

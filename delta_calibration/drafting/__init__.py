@@ -1,4 +1,4 @@
-"""Robot files as people write them: by questions, looked over, taken from a URDF."""
+"""Write robot files: by questions or from a URDF, with comments, and review them."""
 
 from delta_calibration.drafting.form import (
     OFFERED,

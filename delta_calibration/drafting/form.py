@@ -1,4 +1,4 @@
-"""Robot files to be written by people: entries with what they mean, read off the schema."""
+"""Entries of robot files with their meaning, from the schema: questions, comments, reference."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _WORDS = {
     "px": "px",
 }
 _GIVEN = ("schema", "name", "mechanism")
-# Entries that may be left out and are asked for all the same: what it means to leave them out.
+# Optional entries that are asked for all the same, with the value they have if left out.
 OFFERED: Mapping[tuple[str, ...], str] = {
     ("geometry", "azimuths_deg"): "0, 120, 240",
     ("geometry", "convention"): "modified",
@@ -105,14 +105,14 @@ parameters (`twist_2`) are modified, and `delta-cal export --format dh` writes b
 
 @dataclass(frozen=True)
 class Entry:
-    """One value that a robot file holds.
+    """One entry of a robot file.
 
     Attributes:
-        path: keys from the section on.
-        about: what it is; empty where the schema does not say.
-        schema: of the value.
-        required: whether a file has to have it.
-        within: section that may be left out, but not without this entry; empty if there is none.
+        path: keys, beginning with the section.
+        about: description; empty if the schema has none.
+        schema: JSON schema of the value.
+        required: whether every file must have the entry.
+        within: optional section that must have this entry if it is present; empty if none.
     """
 
     path: tuple[str, ...]
@@ -123,25 +123,25 @@ class Entry:
 
     @property
     def name(self) -> str:
-        """As messages have it."""
+        """Name of the entry in messages, such as `geometry.arm_mm`."""
         return ".".join(self.path)
 
     @property
     def unit(self) -> str:
-        """In words, by the end of the key; empty of a number without one."""
+        """Unit in words, from the suffix of the key; empty if it has none."""
         ends = (unit for unit in sorted(_WORDS, key=len, reverse=True))
         return next((_WORDS[u] for u in ends if self.path[-1].endswith(f"_{u}")), "")
 
     @property
     def allowed(self) -> str:
-        """What the value may be, in words."""
+        """Allowed values, in words."""
         return allowed(self.schema)
 
     def read(self, text: str) -> Any:
-        """The value that somebody typed: YAML, or numbers with commas between.
+        """Read a value that a user typed: YAML, or numbers separated by commas.
 
         Raises:
-            InputError: says what is allowed.
+            InputError: the value is not allowed; the message says what is.
         """
         many = self.schema.get("type") == "array" and not text.lstrip().startswith("[")
         try:
@@ -154,7 +154,7 @@ class Entry:
 
 
 def _finite(value: Any) -> bool:
-    """Whether all numbers in a value are: no bound of a schema refuses `.nan`."""
+    """Whether all numbers in a value are finite: no bound of a schema refuses `.nan`."""
     if isinstance(value, list):
         return all(map(_finite, value))
     return not isinstance(value, int | float) or abs(value) <= _LARGEST
@@ -165,7 +165,7 @@ _BOUNDS = {"exclusiveMinimum": "above", "minimum": "at least", "maximum": "at mo
 
 
 def allowed(schema: Mapping[str, Any]) -> str:
-    """What a value may be, in words: `3 numbers, each above 0`."""
+    """Allowed values of a schema, in words: `3 numbers, each above 0`."""
     kind = str(schema.get("type"))
     if kind == "array":
         return _listed(schema, schema["items"])
@@ -186,7 +186,7 @@ def _listed(schema: Mapping[str, Any], item: Mapping[str, Any]) -> str:
 
 
 def _limits(schema: Mapping[str, Any]) -> str:
-    """The values that there are, or the bounds of a number; empty where there are none."""
+    """Values of an enumeration, or bounds of a number, in words; empty if there are none."""
     if "enum" in schema:
         return " or ".join(map(str, schema["enum"]))
     bounds = (f"{word} {schema[key]:.10g}" for key, word in _BOUNDS.items() if key in schema)
@@ -194,7 +194,7 @@ def _limits(schema: Mapping[str, Any]) -> str:
 
 
 def entries(mechanism: str) -> Iterator[Entry]:
-    """All that a robot file of a mechanism holds, section by section, in the order of a file.
+    """Yield all entries of a mechanism's robot file, in the order of the file.
 
     Raises:
         InputError: no mechanism of that name.
@@ -221,7 +221,7 @@ def _entries(
 
 
 def model_for(mechanism: str) -> dict[str, Any]:
-    """The file of a robot of this mechanism that comes with the package, as it is written.
+    """Content of a robot file of the package for this mechanism, as an example to start from.
 
     Raises:
         InputError: there is none.
@@ -235,7 +235,7 @@ def model_for(mechanism: str) -> dict[str, Any]:
 
 
 def value_at(data: Document, path: tuple[str, ...]) -> Any:
-    """What a file has under these keys; None where it has nothing."""
+    """Value under these keys in a robot file; None if there is none."""
     inside: Any = data
     for key in path:
         if not isinstance(inside, Mapping) or key not in inside:
@@ -245,14 +245,14 @@ def value_at(data: Document, path: tuple[str, ...]) -> Any:
 
 
 def with_value(data: Document, path: tuple[str, ...], value: Any) -> dict[str, Any]:
-    """The same file with another value there."""
+    """Copy of a robot file with another value under these keys."""
     first, *rest = path
     inside = data.get(first, {})
     return {**data, first: with_value(inside, tuple(rest), value) if rest else value}
 
 
 def commented(data: Document) -> str:
-    """A robot file as YAML, each entry with what it means beside it."""
+    """Robot file as YAML text, with the description of each entry as a comment."""
     made = _with_comments(data, robot_schema(str(data["mechanism"])), 0)
     for key in list(made)[len(_GIVEN) :]:
         made.yaml_set_comment_before_after_key(key, before="\n")
@@ -264,7 +264,7 @@ def commented(data: Document) -> str:
 
 
 def _with_comments(value: Any, schema: Mapping[str, Any], indent: int) -> Any:
-    """A value as it is written: numbers in a row in one line, meanings behind or above."""
+    """Add comments to a value: lists of numbers are on one line, comments after or above."""
     if isinstance(value, Mapping):
         of = schema.get("properties", {})
         made = CommentedMap(
@@ -291,7 +291,7 @@ def _with_comments(value: Any, schema: Mapping[str, Any], indent: int) -> Any:
 
 
 def reference() -> str:
-    """All entries of all mechanisms as a page (Markdown)."""
+    """Reference page of all entries of all mechanisms, as Markdown."""
     own = ("geometry", "tolerances", "masses")
     lines = [
         "# Robot files, entry by entry",
@@ -319,7 +319,7 @@ def reference() -> str:
 
 
 def _introduced(mechanism: str) -> list[str]:
-    """What kind of robot it is, and files to begin from."""
+    """Summary of a mechanism, and the robot files of the package that use it."""
     kind = MECHANISMS[mechanism]
     summary = (inspect.getdoc(kind) or "").partition("\n")[0]
     there = [name for name in known_robots() if _drawn_as(name, mechanism)]
@@ -333,7 +333,7 @@ def _drawn_as(name: str, mechanism: str) -> bool:
 
 
 def _by_joints() -> tuple[str, str]:
-    """A mechanism whose joints turn, and one whose joints slide."""
+    """Names of a mechanism with revolute joints and of one with prismatic joints."""
     first = {kind.joint_unit: name for name, kind in reversed(list(MECHANISMS.items()))}
     return first["rad"], first["m"]
 
@@ -346,13 +346,13 @@ def _table(rows: Iterable[Entry]) -> list[str]:
 
 
 def _with_parts(entry: Entry) -> Iterator[Entry]:
-    """An entry and, if it is a list of sections, what each of these holds."""
+    """Yield an entry and, if it is a list of sections, the entries of such a section."""
     yield entry
     yield from parts_of(entry)
 
 
 def parts_of(entry: Entry) -> Iterator[Entry]:
-    """What each section of a list of sections holds; nothing if it is none."""
+    """Yield the entries of a section in a list of sections; none for other entries."""
     item = entry.schema.get("items", {})
     if item.get("type") == "object":
         *before, last = entry.path

@@ -1,8 +1,8 @@
-"""What a robot file says of its machine in figures, and where a number looks like another unit.
+"""Review of a robot file: key numbers of its machine, and values that seem to be in a wrong unit.
 
-A file can pass its schema and be wrong: `arm_mm: 0.235` is a length, `lower_deg: [-0.6, ...]` are
-angles. Nothing is measured here; what is doubted is what no machine that is drawn in one unit
-would have.
+A file can satisfy its schema and still be wrong: `arm_mm: 0.235` is a valid length,
+`lower_deg: [-0.6, ...]` are valid angles. The review uses no measurements; it reports values that
+no machine would have if all were in the stated unit.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-_PLACES = 60  # of the workspace that figures are taken at
-# What is doubted. A desk machine is some decimetres wide, and no part of one that is drawn in mm
-# is a five-hundredth of its longest; an arm that turns by less than 7 degrees moves nothing.
+_PLACES = 60  # number of places in the workspace at which the numbers are computed
+# Limits of plausible values. A desk machine is some decimetres wide, no part of it is shorter than
+# a five-hundredth of its longest, and an arm that turns by less than 7 degrees moves nothing.
 _SMALL_MM = 20.0
 _TINY_PART = 1 / 500
 _FEW_DEG, _FEW_MM = 7.0, 5.0
-_ROUND_DEG, _ROUNDLY = 15.0, 0.05  # what drawings have their angles in, and how near that is meant
+_ROUND_DEG, _ROUNDLY = 15.0, 0.05  # grid of usual drawing angles, and tolerance to it
 _FULL_TURN = 2 * np.pi
 _LARGE_TOLERANCE, _TINY_TOLERANCE_MM = 1 / 20, 0.0005
 _LEAST_NOISE_UM, _MOST_NOISE_UM = 0.05, 1000.0
@@ -38,11 +38,11 @@ _SIGMAS = 2.0
 
 @dataclass(frozen=True)
 class Review:
-    """A robot file as read.
+    """Result of a review.
 
     Attributes:
-        figures: what and how much, in words, in the order of reading.
-        doubts: a sentence each, with the entry, its value and what it may be meant as.
+        figures: key numbers of the machine, each a name and a value in words, in reading order.
+        doubts: implausible values, a sentence each, with the entry, its value and a likely cause.
     """
 
     figures: tuple[tuple[str, str], ...]
@@ -50,11 +50,11 @@ class Review:
 
 
 def review(robot: Robot, data: Document) -> Review:
-    """Look a robot file over.
+    """Review a robot file.
 
     Args:
-        robot: that it describes.
-        data: as the file has it.
+        robot: robot that the file describes.
+        data: content of the file.
     """
     doubts = [*_lengths(data), *_angles(data), *_ranges(robot, data), *_tolerances(robot, data)]
     doubts += [*_noise(data), *_room(robot, data)]
@@ -67,18 +67,18 @@ def review(robot: Robot, data: Document) -> Review:
 
 
 def _proposed(robot: Robot) -> str:
-    """A workspace that can be used, in words; nothing where there is none."""
+    """Proposal of a workspace that can be used, in words; empty if there is none."""
     try:
         return f"; `workspace: {written(largest_box(robot))}` can be"
     except CalibrationError:
         return ""
 
 
-# --- what each entry says
+# --- checks of the entries
 
 
 def entries(value: Any, path: str) -> Iterator[tuple[str, str, float]]:
-    """Numbers of a section: path, unit at the key's end, value; each of a list by itself."""
+    """Yield each number of a section, also within lists: path, unit suffix of its key, value."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             yield from entries(item, f"{path}.{key}")
@@ -91,7 +91,7 @@ def entries(value: Any, path: str) -> Iterator[tuple[str, str, float]]:
 
 
 def _lengths(data: Document) -> Iterator[str]:
-    """Lengths that are not in mm."""
+    """Doubts about lengths that seem not to be in mm."""
     sizes = [
         (path, abs(v)) for path, unit, v in entries(data["geometry"], "geometry") if unit == "mm"
     ]
@@ -111,7 +111,7 @@ def _lengths(data: Document) -> Iterator[str]:
 
 
 def _angles(data: Document) -> Iterator[str]:
-    """Angles of the drawing, and zeros of the drives, that are round ones in radians."""
+    """Doubts about angles and drive zeros that would be round numbers if they were in radians."""
     zeros = entries(data["joints"].get("zero_deg", []), "joints.zero_deg")
     drawn = entries(data["geometry"], "geometry")
     for path, unit, value in (*drawn, *((path, "deg", value) for path, _, value in zeros)):
@@ -125,7 +125,7 @@ def _angles(data: Document) -> Iterator[str]:
 
 
 def _ranges(robot: Robot, data: Document) -> Iterator[str]:
-    """Limits of the joints that leave nothing to move."""
+    """Doubts about joint limits that leave almost no range."""
     unit, factor = robot.joints.shown
     widest = float(factor * (robot.joints.upper - robot.joints.lower).max())
     few, meant = (_FEW_DEG, "radians") if robot.joints.unit == "rad" else (_FEW_MM, "metres")
@@ -137,7 +137,7 @@ def _ranges(robot: Robot, data: Document) -> Iterator[str]:
 
 
 def _tolerances(robot: Robot, data: Document) -> Iterator[str]:
-    """Tolerances that are none of a machine part."""
+    """Doubts about tolerances that are implausible for a machine part."""
     sizes = [abs(v) for _, unit, v in entries(data["geometry"], "geometry") if unit == "mm"]
     longest = max(sizes, default=np.inf)
     for path, unit, value in entries(data["tolerances"], "tolerances"):
@@ -150,7 +150,7 @@ def _tolerances(robot: Robot, data: Document) -> Iterator[str]:
 
 
 def _noise(data: Document) -> Iterator[str]:
-    """A tracker that is none."""
+    """Doubts about tracker noise that is implausible."""
     for key in ("radial_um", "transverse_um"):
         value = float(data["tracker"][key])
         if not _LEAST_NOISE_UM <= value <= _MOST_NOISE_UM:
@@ -158,7 +158,7 @@ def _noise(data: Document) -> Iterator[str]:
 
 
 def _room(robot: Robot, data: Document) -> Iterator[str]:
-    """A workspace that is hardly more than a point; a planar robot's is flat."""
+    """Doubts about a workspace that is hardly more than a point; a planar robot's may be flat."""
     if robot.workspace is None:
         return
     sizes = [abs(v) for _, unit, v in entries(data["geometry"], "geometry") if unit == "mm"]
@@ -170,7 +170,7 @@ def _room(robot: Robot, data: Document) -> Iterator[str]:
         )
 
 
-# --- the machine in figures
+# --- key numbers of the machine
 
 
 def _figures(robot: Robot) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
@@ -222,10 +222,10 @@ def _figures(robot: Robot) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]
 
 
 def _by_tolerances(robot: Robot, joint: Array, x: Array) -> tuple[float, float]:
-    """What machines within the tolerances miss by, and what correction that asks of a joint.
+    """Expected error of machines within the tolerances, and the joint correction it needs.
 
-    Root mean square [m] with the machine where it fits best, and standard deviation [rad or m] of
-    the joint and place that need most.
+    The error is a root mean square [m] in the best-fit frame; the correction is the standard
+    deviation [rad or m] at the joint and place with the largest one.
     """
     model = robot.commanded
     g = model.parameters.nominal
@@ -239,7 +239,7 @@ def _by_tolerances(robot: Robot, joint: Array, x: Array) -> tuple[float, float]:
 
 
 def _beyond_rigid(moved: Array, place: Array) -> Array:
-    """What motions (n, 3, p) of points (n, 3) leave with the machine put where it fits."""
+    """Part of the motions (n, 3, p) of points (n, 3) beyond a best-fit rigid motion, (3 n, p)."""
     turned = -np.cross(place[:, None], np.eye(3)).transpose(0, 2, 1)
     shifted = np.tile(np.eye(3), (len(place), 1, 1))
     rigid = np.concatenate([shifted, turned], axis=2).reshape(-1, 6)

@@ -1,11 +1,12 @@
-"""The robot file of a serial arm, from the URDF that its vendor publishes.
+"""Make the robot file of a serial arm from the URDF that its vendor publishes.
 
-A URDF places each joint anywhere; a robot file has modified Denavit-Hartenberg links (Craig). Both
-describe the same axes: frame i has z along axis i and x along the common normal to axis i + 1, and
+A URDF can place a joint frame anywhere; a robot file has modified Denavit-Hartenberg links
+(Craig). Both describe the same axes: frame i has z along axis i and x along the common normal to
+axis i + 1, and A_i leads from frame i - 1 to frame i,
 
     A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)
 
-leads from one to the next. What was found is compared with the URDF's own forward kinematics.
+The result is compared with the forward kinematics of the URDF.
 """
 
 from __future__ import annotations
@@ -31,18 +32,18 @@ from delta_calibration.texts import read_text
 
 Array = NDArray[np.float64]
 
-_PARALLEL = 0.02  # [rad] under which neighbouring axes count as parallel
-_SAME = 1e-9  # [m, rad] that URDF and robot file may differ
-_TRIALS, _WIDEST = 256, 2 * np.pi / 3  # joints that home is chosen from, and how far from zero
-_REACH = 0.15  # of the arm's length, half the workspace that is proposed
-_TURN = 360.0  # [deg] limits of a joint that turns on and on
-_SPEED = 120.0  # [deg/s] where the URDF says nothing
-_XACRO = ("<xacro:", "${", "$(")  # what is left of it in no URDF
+_PARALLEL = 0.02  # [rad] angle below which neighbouring axes count as parallel
+_SAME = 1e-9  # [m, rad] tolerance of the geometry
+_TRIALS, _WIDEST = 256, 2 * np.pi / 3  # candidates for home, and their largest joint angle
+_REACH = 0.15  # half edge of the proposed workspace, as a share of the arm's length
+_TURN = 360.0  # [deg] limits of a continuous joint
+_SPEED = 120.0  # [deg/s] default if the URDF has no limit
+_XACRO = ("<xacro:", "${", "$(")  # marks of xacro, which no plain URDF contains
 
 
 @dataclass(frozen=True)
 class UrdfJoint:
-    """A joint of a URDF with what it carries."""
+    """A joint of a URDF with its parent and child link."""
 
     name: str
     kind: str
@@ -57,7 +58,7 @@ class UrdfJoint:
 
 @dataclass(frozen=True)
 class Chain:
-    """Joints from base to tip, fixed ones among them, and the masses of all links."""
+    """Joints from base to tip, including fixed ones, and the masses of all links."""
 
     name: str
     joints: tuple[UrdfJoint, ...]
@@ -66,11 +67,11 @@ class Chain:
 
     @property
     def turning(self) -> tuple[UrdfJoint, ...]:
-        """Those that turn."""
+        """The joints of the chain that turn, without fixed ones."""
         return tuple(joint for joint in self.joints if joint.kind != "fixed")
 
     def frames(self, q: Array) -> Iterator[Frame]:
-        """Frames of the turning joints, then of the tip, in the base at joints (m,) [rad]."""
+        """Yield frames of the turning joints, then of the tip, in the base, at q (m,) [rad]."""
         at, values = Frame.identity(), iter(q)
         for joint in self.joints:
             at = at @ joint.origin
@@ -83,17 +84,17 @@ class Chain:
 def robot_from_urdf(
     path: Path, base: str | None = None, tip: str | None = None, name: str | None = None
 ) -> dict[str, Any]:
-    """A robot file's content for the serial arm in a URDF.
+    """Make the content of a robot file for the serial arm in a URDF.
 
     Args:
-        path: the URDF; no xacro.
-        base: link to begin at; the root where not given.
-        tip: link of the tool; the end of the only chain where not given.
-        name: of the robot; the URDF's own in small letters where not given.
+        path: URDF file; xacro is not allowed.
+        base: link where the chain begins; by default the root.
+        tip: link of the tool; by default the end of the only chain.
+        name: name of the robot; by default that of the URDF in lower case.
 
     Raises:
-        InputError: no URDF, a link that it does not have, a joint that slides, several chains
-            to choose from, a first axis that modified DH cannot lead to from the base.
+        InputError: not a URDF, an unknown link, a joint that slides, several chains to choose
+            from, or a first axis that modified DH cannot reach from the base.
     """
     chain = _chain(path, base, tip)
     links, tool = _denavit_hartenberg(chain, path)
@@ -139,10 +140,10 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
 
 
 def _require_links(joints: Iterable[UrdfJoint], links: Mapping[str, float], path: Path) -> None:
-    """Refuse a joint between links that are not there: a chain would end before it.
+    """Refuse a joint whose parent or child link is not defined: a chain would end before it.
 
     Raises:
-        InputError: there is one.
+        InputError: there is such a joint.
     """
     for joint in joints:
         for end in (joint.parent, joint.child):
@@ -190,7 +191,7 @@ def _end(joints: Sequence[UrdfJoint], begin: str, path: Path) -> str:
 
 
 def _goes_on(way: Sequence[UrdfJoint], ways: Iterable[Sequence[UrdfJoint]]) -> bool:
-    """Whether the joints that move up to an end are the first ones of a longer chain."""
+    """Whether the moving joints of one chain are the first joints of a longer chain."""
     return any(len(other) > len(way) and other[: len(way)] == way for other in ways)
 
 
@@ -255,11 +256,11 @@ def _numbers(
     return values
 
 
-# --- axes into links
+# --- from axes to links
 
 
 def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]], Frame]:
-    """Links of the robot file, and the tool in the last link's frame."""
+    """Links of the robot file from the chain's axes, and the tool in the last link's frame."""
     *joints, tip = chain.frames(np.zeros(len(chain.turning)))
     axes = [
         (frame.translation, frame.rotation @ joint.axis)
@@ -287,10 +288,10 @@ def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]],
 
 
 def _require_first(axis: tuple[Array, Array], chain: Chain, path: Path) -> None:
-    """Refuse a first axis that R_x T_x does not lead to from the base, and say from where it does.
+    """Refuse a first axis that R_x T_x cannot reach from the base, and name links that can.
 
     Raises:
-        InputError: it is such an axis.
+        InputError: the first axis cannot be reached.
     """
     if _leads_to(*axis):
         return
@@ -302,13 +303,13 @@ def _require_first(axis: tuple[Array, Array], chain: Chain, path: Path) -> None:
 
 
 def _leads_to(point: Array, direction: Array) -> bool:
-    """Whether an axis cuts the x axis at a right angle."""
+    """Whether an axis intersects the x axis at a right angle."""
     off = point[1] * direction[2] - point[2] * direction[1]
     return bool(abs(direction[0]) <= _SAME and abs(off) < _SAME)
 
 
 def _bases(chain: Chain) -> Iterator[str]:
-    """Links before the first joint that turns from which R_x T_x leads to its axis."""
+    """Yield the links before the first turning joint from which R_x T_x reaches its axis."""
     fixed = list(takewhile(lambda joint: joint.kind == "fixed", chain.joints))
     first = chain.turning[0]
     at = first.origin  # of the first axis, in the link before it
@@ -319,7 +320,7 @@ def _bases(chain: Chain) -> Iterator[str]:
 
 
 def _foot(start: Array, x: Array, point: Array, direction: Array) -> Array:
-    """Where the line from `start` along x meets the axis, which is at a right angle to it."""
+    """Intersection of the line from `start` along x with an axis perpendicular to it, (3,) [m]."""
     return np.asarray(
         point + direction * (direction @ (start + x * (x @ (point - start)) - point))
     )
@@ -328,7 +329,7 @@ def _foot(start: Array, x: Array, point: Array, direction: Array) -> Array:
 def _next_frame(axes: Sequence[tuple[Array, Array]], foot: Array, x: Array) -> tuple[Array, Array]:
     """Origin on an axis and x of its frame: along the common normal to the next one."""
     direction = axes[0][1]
-    if len(axes) == 1:  # the tool takes what is left
+    if len(axes) == 1:  # the tool frame takes up the rest
         return foot, _across(x, direction)
     point, ahead = axes[1]
     normal = np.cross(direction, ahead)
@@ -355,12 +356,12 @@ def _along(way: Array) -> Array:
 
 
 def _angle(start: Array, end: Array, about: Array) -> float:
-    """From one direction to another about an axis [rad]."""
+    """Angle from one direction to another about an axis [rad]."""
     return float(np.arctan2(np.cross(start, end) @ about, start @ end))
 
 
 def _tidy(value: float) -> float:
-    """Without what rounding left of a whole number."""
+    """Round to 9 decimals, to remove rounding errors, and turn -0.0 into 0.0."""
     near = round(value, 9)
     return float(near + 0.0)
 
@@ -417,7 +418,7 @@ def _document(
 
 
 def _moving(chain: Chain) -> list[float]:
-    """Masses of what turns with each joint and not with the next [kg]."""
+    """Mass of all links that each joint carries and the next one does not [kg]."""
     turning = {joint.child: number for number, joint in enumerate(chain.turning)}
     held = {joint.child: joint.parent for joint in chain.every}
     found = [0.0] * len(chain.turning)
@@ -431,7 +432,11 @@ def _moving(chain: Chain) -> list[float]:
 
 
 def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:
-    """Refuse links that are another arm than the URDF's."""
+    """Refuse links whose forward kinematics differs from the URDF's.
+
+    Raises:
+        InputError: the difference exceeds the tolerance.
+    """
     arm = _arm(document)
     rng = np.random.default_rng(0)
     joints = rng.uniform(-np.pi, np.pi, (20, len(chain.turning)))
@@ -444,7 +449,7 @@ def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:
 
 
 def _with_home(document: dict[str, Any]) -> dict[str, Any]:
-    """The same with home and workspace where the arm moves well to all sides."""
+    """Add home, with the largest least singular value of the velocity Jacobian, and workspace."""
     from scipy.stats import qmc  # takes long to load, and `robot check` reads no URDF
 
     arm = _arm(document)
@@ -470,6 +475,6 @@ def _with_home(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def _arm(document: dict[str, Any]) -> SerialArm:
-    """The arm of a file whose home is not chosen yet."""
+    """Serial arm of a robot file whose home is not chosen yet."""
     geometry = part_of("geometry", ArmDimensions, document["geometry"])
     return SerialArm(geometry, part_of("tolerances", ArmTolerances, document["tolerances"]))

@@ -1,4 +1,4 @@
-"""What an identified machine is handed on as, to programs that are not this package's."""
+"""Export of an identified machine to other programs: C source, DH tables, corrected points."""
 
 from delta_calibration.export.c_source import CFiles, c_files
 from delta_calibration.export.dh import dh_tables

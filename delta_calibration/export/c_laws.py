@@ -1,7 +1,7 @@
-"""Generated laws as C: their lines `name = one operation`, printed one by one.
+"""Print generated laws as C, line by line: each line is `name = one operation`.
 
-Read from the generated Python file, so that no CasADi is needed. What nobody asks for is left out:
-lines whose results reach no slot of the workspace that is used.
+The lines are read from the generated Python file, so that CasADi is not needed. Dead code is left
+out: lines whose results do not reach a slot of the workspace that is used.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SIGNS: dict[type[ast.AST], str] = {  # of C
     ast.And: "&&",
     ast.Or: "||",
 }
-# as Python has them, the first if neither is the lesser; names of c_loops.py
+# min and max as in Python: the first operand if neither is less (NaN); defined in c_loops.py
 _FUNCTIONS = {"abs": "fabs", "min": "smaller", "max": "larger"}
 _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 
@@ -41,15 +41,15 @@ _NAMES = {"inf": "INFINITY", "nan": "NAN"}
 def law_in_c(
     law: Law, asked: tuple[str, ...], dimensions: tuple[int, ...] = ()
 ) -> tuple[Mapping[int, str], str]:
-    """A law's stages as C functions; stage `near` without derivatives but those by the pose.
+    """Print a law's stages as C functions; stage `near` only has derivatives by the pose.
 
     Args:
-        law: what to print.
-        asked: groups of inputs by which its derivatives are used.
-        dimensions: of the group of dimensions, those by which they are used.
+        law: law to print.
+        asked: groups of inputs whose derivatives are used.
+        dimensions: indices within the group of dimensions whose derivatives are used.
 
     Returns:
-        Name of the C function by the address of each stage that does anything, and their text.
+        Name of the C function by the address of each non-empty stage, and the text of all.
 
     Raises:
         ConfigError: the law has to be generated first, and CasADi is not installed; or its file
@@ -72,7 +72,7 @@ def law_in_c(
 
 
 def _unused(law: Law, asked: Collection[str], dimensions: Collection[int]) -> set[int]:
-    """Slots of derivatives that are not used."""
+    """Slots of the workspace for derivatives that are not used."""
     size = dict(law.groups)
     return {
         law.offsets[f"f_{group}"] + row * size[group] + i
@@ -94,7 +94,7 @@ def _functions(file: str) -> dict[str, list[ast.Assign]]:
 
 
 def _wanted(lines: list[ast.Assign], unused: set[int]) -> list[ast.Assign]:
-    """The lines that a used slot needs, in their order."""
+    """The lines that the used slots depend on, in their order."""
     needed: set[str] = set()
     kept = []
     for line in reversed(lines):
@@ -123,7 +123,7 @@ def _statements(lines: list[ast.Assign]) -> Iterator[str]:
 
 
 def _text(node: Any) -> str:
-    """C of one expression; operands of operands are in brackets."""
+    """Print one expression as C; nested operands are in brackets."""
     match node:
         case ast.Name():
             return _NAMES.get(node.id, node.id)

@@ -1,12 +1,12 @@
-"""The compiled loops of the chain as C: functions of `model` and `compensation`, line by line.
+"""Translate the compiled loops of the chain to C: functions of `model` and `compensation`.
 
-What numba compiles for the package is translated for other programs, from the same source: the
-functions that borrow what they work in (`model/jit.py`). They know numbers, arrays of one or two
-axes, slices, records, and calls of each other and of laws; anything else is refused.
+The functions are the same Python sources that numba compiles for the package: those that borrow
+the arrays they work in (`model/jit.py`). They may use numbers, arrays of one or two axes, slices,
+records, and calls of each other and of laws; anything else is refused.
 
-Arrays are handed on by value as a place and two sizes: `Rows` may be written, `Numbers` may not.
-A parameter is the one or the other by what its function does with it. Records are handed on by
-their address.
+Arrays are passed by value as a pointer and two sizes: `Rows` may be written, `Numbers` may not.
+Which of the two a parameter is depends on whether its function writes to it. Records are passed by
+address.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ static inline void copied(Rows to, Numbers from) { /* they lie apart */
 }
 """
 _ARRAYS = {"Numbers": "double", "Rows": "double", "Wholes": "int", "Laws": "law"}
-_OF_REALS = {"sqrt": "sqrt", "arcsin": "asin", "exp": "exp"}  # of numpy
+_OF_REALS = {"sqrt": "sqrt", "arcsin": "asin", "exp": "exp"}  # numpy's name: that of C
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Kind:
     """Type of an expression: "int", "double", "law", an array, or the name of a record."""
 
     name: str
-    rank: int = 0  # of an array
-    fields: Any = field(default=None, compare=False)  # of a record, a mapping of their kinds
-    parts: tuple[Kind, ...] = ()  # of what a function returns
+    rank: int = 0  # number of axes of an array
+    fields: Any = field(default=None, compare=False)  # of a record: mapping of names to kinds
+    parts: tuple[Kind, ...] = ()  # kinds of the values in a returned tuple
 
 
 INT, REAL, NOTHING = Kind("int"), Kind("double"), Kind("void")
@@ -63,7 +63,7 @@ NUMBERS, ROWS = Kind("Numbers", 1), Kind("Rows", 1)
 
 @dataclass(frozen=True)
 class _Text:
-    """C of an expression. Of a record: what it is, or where it is if it is `apart`."""
+    """C text of an expression; of a record its value, or its address if it is `apart`."""
 
     text: str
     kind: Kind
@@ -76,7 +76,7 @@ class _Text:
 
 
 def kind_of(value: Any, scratch: bool = False) -> Kind:
-    """Kind of a record's example, field by field; arrays of scratch can be written."""
+    """Kind of a record from an example, field by field; arrays of scratch can be written."""
     each = zip(value._fields, value, strict=True)
     fields = {name: _kind(name, own, scratch) for name, own in each}
     return Kind(type(value).__name__.strip("_"), fields=fields)
@@ -93,7 +93,7 @@ def _kind(name: str, value: Any, scratch: bool) -> Kind:
 
 
 def structures(kinds: list[Kind]) -> str:
-    """C structures of records, those that others hold first."""
+    """Declare C structures of records; a structure that another one contains comes first."""
     found: dict[str, str] = {}
     for kind in kinds:
         _add_structure(kind, found)
@@ -109,7 +109,7 @@ def _add_structure(kind: Kind, found: dict[str, str]) -> None:
 
 
 def _bare(text: str) -> str:
-    """C without a pair of brackets about all of it."""
+    """Remove a pair of brackets around the whole expression."""
     depth = 0
     for i, sign in enumerate(text):
         depth += {"(": 1, ")": -1}.get(sign, 0)
@@ -120,13 +120,13 @@ def _bare(text: str) -> str:
 
 @dataclass
 class Program:
-    """Functions as C, each with those that it calls before it."""
+    """Translated functions; each comes after those that it calls."""
 
-    constants: Mapping[str, int]  # whose value in C is another
+    constants: Mapping[str, int]  # values of constants that differ in C
     functions: dict[str, _Function] = field(default_factory=dict)
 
     def add(self, function: Callable[..., Any], kinds: tuple[Kind, ...]) -> _Function:
-        """The C of a compiled function that is called with arguments of these kinds."""
+        """Translate a compiled function for arguments of these kinds, if not done yet."""
         plain = function.py_func  # type: ignore[attr-defined]
         name = f"chain_{plain.__name__.strip('_')}"
         known = self.functions.get(name)
@@ -140,14 +140,14 @@ class Program:
 
     @property
     def text(self) -> str:
-        """All functions, in the order of their calls."""
+        """C text of all functions; each comes after those that it calls."""
         made = {name: own.returned for name, own in self.functions.items() if own.returned.parts}
         pairs = {kind.name: _pair(kind) for kind in made.values()}
         return "\n".join([*pairs.values(), *(own.text for own in self.functions.values())])
 
 
 def refused(plain: Any, node: ast.AST | None, why: str) -> ConfigError:
-    """What is said of a function that has no C."""
+    """Error for a function that cannot be translated."""
     line = "" if node is None else f": {ast.unparse(node).splitlines()[0]}"
     return ConfigError(f"{plain.__module__}.{plain.__name__}{line}: {why}")
 
@@ -159,12 +159,12 @@ def _pair(kind: Kind) -> str:
 
 @cache
 def _parsed(plain: Any) -> Any:
-    """A function's own syntax tree."""
+    """Syntax tree of a function."""
     return ast.parse(textwrap.dedent(inspect.getsource(plain))).body[0]
 
 
 class _Function:
-    """One function: kinds of its names first, then its lines."""
+    """Translation of one function: determines the kinds of its names, then its lines."""
 
     def __init__(self, program: Program, name: str, plain: Any, kinds: tuple[Kind, ...]) -> None:
         self.program, self.name, self.plain = program, name, plain
@@ -177,23 +177,23 @@ class _Function:
         for parameter, kind in zip(self.parameters, kinds, strict=True):
             self.kinds[parameter] = Kind("Numbers", kind.rank) if kind.name == "Rows" else kind
         self.used: set[str] = set()
-        self.count = 0  # of names that C alone needs
+        self.count = 0  # number of auxiliary names in C
         self.stale = False
-        self.origin: dict[str, ast.expr] = {}  # of what a name stands for a part of
+        self.origin: dict[str, ast.expr] = {}  # expression that a name was assigned from
         self.returned = self._returned(node.returns)
         self.text = ""
 
     # --- the whole
 
     def translate(self) -> None:
-        """Go through it until the kinds of its names no longer change."""
+        """Translate the function, repeatedly until the kinds of its names no longer change."""
         doc = inspect.getdoc(self.plain) or ""
         body = self.body[1:] if doc else self.body
         before: dict[str, Kind] = {}
         lines: list[str] = []
         while before != self.kinds:
             before, self.count = dict(self.kinds), 0
-            if self.stale:  # what was taken of a parameter that can only be read
+            if self.stale:  # kinds that were derived from a parameter before it became writable
                 self.kinds = {name: self.kinds[name] for name in self.parameters}
                 self.stale = False
             lines = [line for node in body for line in self.statement(node, "    ")]
@@ -229,13 +229,13 @@ class _Function:
         raise refused(self.plain, node, "is not returned in C")
 
     def refused(self, node: ast.AST) -> ConfigError:
-        """What is said of something that has no C."""
+        """Error for a statement or expression that cannot be translated."""
         return refused(self.plain, node, "has no C")
 
     # --- statements
 
     def statement(self, node: ast.stmt, indent: str) -> Iterator[str]:
-        """Lines of one statement."""
+        """C lines of one statement."""
         own: Any = getattr(self, f"_{type(node).__name__.lower()}", None)
         if own is None:
             raise self.refused(node)
@@ -275,7 +275,7 @@ class _Function:
             yield f"{indent}{self.written(target).text} = {_bare(value.text)};"
 
     def _named(self, name: str, value: _Text) -> _Text:
-        """Let a name have a value: its kind may have to become a wider one."""
+        """Assign a value to a name; the name's kind may have to be widened."""
         before, kind = self.kinds.get(name), value.kind
         mixed = {"Rows", "Numbers"}
         if before is not None and before != kind:
@@ -399,7 +399,7 @@ class _Function:
     # --- expressions
 
     def value(self, node: ast.expr) -> _Text:
-        """C of an expression, in brackets where it is not one thing."""
+        """Translate an expression, in brackets if it is composite."""
         own: Any = getattr(self, f"_of_{type(node).__name__.lower()}", None)
         if own is None:
             raise self.refused(node)
@@ -407,7 +407,7 @@ class _Function:
         return found
 
     def written(self, node: ast.expr) -> _Text:
-        """The same of what is written: the parameter that it is a part of is one of `Rows`."""
+        """Translate an expression that is written to; makes its array parameter one of `Rows`."""
         base: Any = node
         while isinstance(base, ast.Subscript) or (
             isinstance(base, ast.Name) and base.id in self.origin
@@ -420,7 +420,7 @@ class _Function:
         return self.value(node)
 
     def _as(self, value: _Text, kind: Kind) -> _Text:
-        """A value for a place of that kind: what can be written can be read."""
+        """Convert a value to a kind: `Rows` can be passed as `Numbers`."""
         if value.kind.name == "Rows" and kind.name == "Numbers":
             return _Text(f"read({value.text})", kind)
         return value
@@ -531,7 +531,7 @@ class _Function:
                 law, space = (self.value(each) for each in node.args)
                 self.written(node.args[1])
                 return _Text(f"{law.text}({space.text}.at)", NOTHING)
-            case ast.Name(id="copy_into"):  # the compiler cannot know that they lie apart
+            case ast.Name(id="copy_into"):  # the compiler cannot know that they do not overlap
                 target, source = self.written(node.args[0]), self.value(node.args[1])
                 return _Text(f"copied({target.text}, {self._as(source, NUMBERS).text})", NOTHING)
             case ast.Name(id="len"):
@@ -569,6 +569,6 @@ class _Function:
             kind = known.kinds[name]
             value = self.written(each) if kind.name == "Rows" else self.value(each)
             if kind.name == "Rows" and value.kind.name == "Numbers":
-                continue  # its kind changes with this, and it comes again
+                continue  # `written` changed its kind, so the function is translated again
             texts.append(value.place if kind.fields else self._as(value, kind).text)
         return _Text(f"{known.name}({', '.join(texts)})", known.returned)

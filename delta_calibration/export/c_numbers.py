@@ -1,4 +1,4 @@
-"""Records of the compiled chain as C: static arrays, and one initialiser that takes them."""
+"""Print records of the compiled chain as C: static arrays, and an initialiser that uses them."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 
 LAWS = ("law", "point", "mass")  # fields that hold addresses of laws
 _WIDE = 98
-IDLE = "idle"  # function of machine.c
+IDLE = "idle"  # function of machine.c that does nothing
 
 
 def number(value: float) -> str:
-    """A double that reads back as the same."""
+    """Print a double so that it is read back as the same value."""
     if np.isnan(value):
         return "NAN"
     if np.isinf(value):
@@ -23,13 +23,13 @@ def number(value: float) -> str:
 
 
 def constant(kind: str, name: str, value: Any, laws: Mapping[int, str]) -> str:
-    """A constant of the C type `kind` made of a (nested) record.
+    """Print a (nested) record as a constant of the C structure `kind`.
 
     Args:
-        kind: the C structure, whose members have the fields' names.
-        name: of the constant.
+        kind: name of the C structure, whose members have the fields' names.
+        name: name of the constant.
         value: record of numbers, arrays and records, or a named tuple.
-        laws: name of the C function by the address of a law's stage; others do nothing.
+        laws: name of the C function by the address of a law's stage; other addresses do nothing.
     """
     arrays: list[str] = []
     body = "\n".join(_members(name, value, laws, arrays, 1))
@@ -37,9 +37,9 @@ def constant(kind: str, name: str, value: Any, laws: Mapping[int, str]) -> str:
 
 
 def placed(name: str, value: Any) -> tuple[list[str], int]:
-    """Statements that put the arrays of a (nested) record of scratch into one array, `next`.
+    """Print statements that place all arrays of a (nested) scratch record in one array, `next`.
 
-    And how many numbers they are.
+    Also returns the total number of elements.
     """
     lines: list[str] = []
     return lines, _place(name, value, lines, 0)
@@ -60,7 +60,7 @@ def _place(path: str, value: Any, lines: list[str], begin: int) -> int:
 def _members(
     path: str, value: Any, laws: Mapping[int, str], arrays: list[str], depth: int
 ) -> Iterator[str]:
-    """Lines of an initialiser; the arrays that it points to go into `arrays`."""
+    """Yield the lines of an initialiser; the arrays that it points to are added to `arrays`."""
     indent = "    " * depth
     for field, part in zip(value._fields, value, strict=True):
         own = f"{path}_{field}"
@@ -76,7 +76,7 @@ def _members(
 
 
 def _array(name: str, field: str, values: Any, laws: Mapping[int, str], arrays: list[str]) -> str:
-    """Initialiser of an array; its numbers stand apart, none are a null pointer."""
+    """Initialiser of an array; its elements are a static array, or a null pointer if empty."""
     rows, width = len(values), values.shape[1] if values.ndim == 2 else 1
     if not values.size:
         return f"{{0, {rows if width == 1 else 0}, {width}}}"

@@ -1,8 +1,8 @@
-"""An identified machine as one C99 header and source: the compiled path of single commands.
+"""Print an identified machine as a C99 header and source: the compiled path of single commands.
 
-Laws are those that the package runs, printed as C (c_laws.py); so are the compiled loops that call
-them (c_loops.py), and the records that these take (c_numbers.py). `templates/machine.c` has what a
-program calls.
+The C code has the same laws as the package (c_laws.py), the same compiled loops that call them
+(c_loops.py), and the records that these use (c_numbers.py). `templates/machine.c` has the public
+functions.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from delta_calibration.export.c_numbers import constant, placed
 from delta_calibration.model import kernels, stand
 from delta_calibration.model.law import Law
 
-FIRST = "first"  # stands for the part whose temperature a session recorded first
+FIRST = "first"  # name for the part whose temperature a session recorded first
 
-_COMMANDED = 4  # numbers that are told of a command
+_COMMANDED = 4  # number of scalar results of a command
 _PUBLIC = (
     "correct",
     "correct_begin",
@@ -69,7 +69,7 @@ _MACROS = (
 
 @dataclass(frozen=True)
 class CFiles:
-    """A header and a source, and the parts whose temperatures its conditions hold, in order."""
+    """A C header and source, and the parts whose temperatures are in its conditions, in order."""
 
     header: str
     source: str
@@ -77,7 +77,7 @@ class CFiles:
 
 
 class _Given(NamedTuple):
-    """Where conditions go in a row of signals, and which are needed: `Given` of machine.c."""
+    """Indices of conditions in a row of signals, and which are needed: `Given` of machine.c."""
 
     size_drawn: int
     size_own: int
@@ -93,16 +93,16 @@ class _Given(NamedTuple):
     temperatures: int
     needs_payload: bool
     needs_centre: bool
-    needs_temperature: NDArray[np.int64]  # places among the temperatures
+    needs_temperature: NDArray[np.int64]  # indices among the temperatures
 
 
 def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
-    """The machine of a calibration as C.
+    """Print the machine of a calibration as C.
 
     Args:
-        calibration: what to print.
-        stem: of the files' names, which the source includes the header by.
-        prefix: in front of every public name, where two machines go into one program.
+        calibration: calibration to print.
+        stem: file name without suffix; the source includes the header by it.
+        prefix: text before every public name, so that one program can contain two machines.
 
     Raises:
         ConfigError: a law has to be generated first, and CasADi is not installed.
@@ -137,16 +137,16 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
 
 
 def _structures(single: SingleCommand) -> str:
-    """The records that the chain takes."""
+    """C structures of the records that the chain uses."""
     known = single.own.compiled, single.guards, single.search
     kinds = [*map(c_loops.kind_of, known), c_loops.kind_of(single.room, scratch=True)]
     return c_loops.structures(kinds)
 
 
 def _chain(single: SingleCommand) -> str:
-    """The compiled loops from commands to corrections, and what a machine begins with, as C.
+    """Print the compiled loops from commands to corrections, and the set-up of a machine, as C.
 
-    Laws in C have derivatives by the joints at the stage of all derivatives alone.
+    In C, a law has its derivatives by the joints only at the stage with all derivatives.
     """
     of_machine = c_loops.kind_of(single.own.compiled)
     kinds = (
@@ -170,9 +170,9 @@ def _chain(single: SingleCommand) -> str:
 
 
 def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:
-    """Parts whose temperatures the effects take, in order.
+    """Parts whose temperatures the effects use, in order.
 
-    A smooth map over temperature takes that of the part that came first in its session.
+    A smooth map over temperature uses that of the part that its session recorded first.
     """
     sensors = [str(effect.settings.get(SENSOR, "")) for effect in effects]
     maps = [FIRST] if any(TEMPERATURE in effect.takes for effect in effects) else []
@@ -185,7 +185,7 @@ def _laws(
     places: Places,
     loaded: tuple[int, ...],
 ) -> tuple[dict[int, str], str]:
-    """Names of the C functions by address, and their text, of all that a command takes."""
+    """Names, by address, and text of the C functions of all laws that a command uses."""
     names: dict[int, str] = {}
     texts = []
     for law in dict.fromkeys(_every_law(calibration, effects, places)):
@@ -198,7 +198,7 @@ def _laws(
 def _every_law(
     calibration: Calibration, effects: Collection[Effect], places: Places
 ) -> Iterator[Law]:
-    """Of the machine that is commanded, the one that is identified, and its effects."""
+    """Yield the laws of the commanded machine, of the identified one, and of its effects."""
     for mechanism in (calibration.robot.commanded, calibration.chain.mechanism):
         yield from mechanism.laws_forward
     for effect in effects:
@@ -234,7 +234,7 @@ def _given(
 def _needs(
     calibration: Calibration, effects: Collection[Effect], parts: tuple[str, ...], what: str
 ) -> bool:
-    """Whether an effect says that something is missing where this alone is not known."""
+    """Whether an effect cannot be evaluated if this condition alone is unknown."""
     at = _all_known(calibration.robot.commanded.home[None], parts)
     if what == PAYLOAD:
         at = replace(at, payload=np.full(1, np.nan))
@@ -301,18 +301,18 @@ def _header(
 
 
 def _plain(text: str) -> str:
-    """The text without what would end a line or a comment in C."""
+    """Remove from a text what would end a line or a comment in C."""
     line = "".join(c if c.isprintable() else " " for c in text)
     return line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 
 def _banner(header: str) -> str:
-    """The comment that the header begins with."""
+    """The opening comment of the header, with the name of the source."""
     return header[: header.index("*/") + 2].replace(".h:", ".c:", 1)
 
 
 def _renamed(prefix: str) -> list[str]:
-    """The names of machine.c as the header has them."""
+    """Macros that rename the public names of machine.c to those of the header."""
     if not prefix:
         return []
     macros = [f"CORRECT_{name}" for name in _MACROS]

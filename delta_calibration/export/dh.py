@@ -1,14 +1,14 @@
-"""The identified dimensions of a serial arm as tables of Denavit and Hartenberg's parameters.
+"""Identified dimensions of a serial arm as tables of Denavit-Hartenberg (DH) parameters.
 
-The same arm in the two ways of drawing lines between transforms, both with Hayati's angle beta
-where neighbouring axes are parallel:
+The same arm is written in both conventions, each with Hayati's angle beta where neighbouring axes
+are parallel:
 
     modified (Craig)    A_i = R_x(alpha_i) R_y(beta_i) T_x(a_i) R_z(q_i + theta_i) T_z(d_i)
     standard (distal)   B_i = R_z(q_i + theta_i) T_z(d_i) R_x(alpha_i) R_y(beta_i) T_x(a_i)
 
-The standard table begins with what leads from the base to the first axis, and its row i holds the
-alpha, beta and a that lead to axis i + 1. Its last row has those of the drawing where that is in
-standard DH, and its tool stands behind them.
+The standard table begins with the transform from the base to the first axis; its row i has the
+alpha, beta and a that lead to axis i + 1. The alpha and a of its last row are those of the drawing
+if that is in standard DH, and its tool follows them.
 """
 
 from __future__ import annotations
@@ -45,12 +45,12 @@ _CONVENTION = {
 
 
 def dh_tables(calibration: Calibration) -> dict[str, Any]:
-    """A document with the tables of a calibrated arm, how to read them, and the drawing's.
+    """Make a document with both DH tables of a calibrated arm, their conventions, and the drawing.
 
-    Effects beside the geometry are not in it; their names are.
+    Effects other than geometry are not in the tables; their names are listed.
 
     Raises:
-        InputError: the machine is no serial arm.
+        InputError: the machine is not a serial arm.
     """
     arm, robot = calibration.chain.mechanism, calibration.robot
     if not isinstance(arm, SerialArm):
@@ -74,7 +74,7 @@ def dh_tables(calibration: Calibration) -> dict[str, Any]:
 
 
 def _tables(arm: SerialArm, geometry: Sequence[float]) -> dict[str, Any]:
-    """Both tables of some dimensions, and their tools."""
+    """Both DH tables for given dimensions (p,), each with its tool."""
     links = _links(arm, geometry)
     return {
         "modified": [dict(link) for link in links],
@@ -99,7 +99,7 @@ def _links(arm: SerialArm, geometry: Sequence[float]) -> list[Link]:
 
 
 def _standard(arm: SerialArm, links: Sequence[Link]) -> dict[str, Any]:
-    """The same links with the lines drawn behind each joint."""
+    """Rows of the standard table, from those of the modified one."""
     last = dict(zip(_TO_AXIS, _last(arm), strict=True))
     rows = [
         {**{name: here[name] for name in ("theta_rad", "d_m")}, **_to_axis(after)}
@@ -109,13 +109,13 @@ def _standard(arm: SerialArm, links: Sequence[Link]) -> dict[str, Any]:
 
 
 def _last(arm: SerialArm) -> tuple[float, float, float]:
-    """alpha, beta and a of the last row."""
+    """alpha [rad], beta [rad] and a [m] of the last row of the standard table."""
     twist, length = arm.drawn.behind
     return twist, 0.0, length
 
 
 def _behind(arm: SerialArm, tool: dict[str, list[float]]) -> dict[str, list[float]]:
-    """The tool as it stands behind the last row: R_x(-alpha) T_x(-a) TOOL."""
+    """The tool after the last row of the standard table: R_x(-alpha) T_x(-a) TOOL."""
     twist, _, length = _last(arm)
     place = rotations.exp(-twist * X) @ (np.array(tool["place_m"]) - length * X)
     mount = [float(angle) for angle in arm.drawn.mount]
@@ -123,12 +123,12 @@ def _behind(arm: SerialArm, tool: dict[str, list[float]]) -> dict[str, list[floa
 
 
 def _to_axis(link: Link) -> dict[str, float]:
-    """What leads to a joint's axis."""
+    """alpha, beta and a, which lead to a joint's axis."""
     return {name: link[name] for name in _TO_AXIS}
 
 
 def _tool(arm: SerialArm, geometry: Sequence[float]) -> dict[str, list[float]]:
-    """Place and turns of the tool in the last link."""
+    """Position and rotation angles of the tool in the frame of the last link."""
     given = dict(zip(arm.parameters.names, geometry, strict=True))
     return {
         "place_m": [given[f"tool_{axis}"] for axis in "xyz"],

@@ -1,8 +1,8 @@
-"""A law that a diagnosis found, as an effect of one's own: a file for the entry-point group.
+"""Write a law that a diagnosis found as a Python file of a new effect, for the entry-point group.
 
-What the tutorial on effects writes by hand is written from the law: its stage and signals, its
-values with their sizes, the shape that was found with the bounds that it was searched in. Once the
-file is installed, simulator, fit, diagnosis and nodes know it as any other effect.
+The file has the form that the tutorial on effects writes by hand: stage and signals of the law,
+its values with their typical sizes, and its shape with the bounds it was searched in. Once the
+file is installed, simulator, fit, diagnosis and nodes use it like any other effect.
 """
 
 from __future__ import annotations
@@ -126,12 +126,12 @@ class {name}(Effect):
 
 
 def effect_file(guess: Guess, cause: str, seen: str) -> str:
-    """The text of the file.
+    """Text of the effect's Python file.
 
     Args:
-        guess: the law, in its shape.
-        cause: its name, that of the file without its suffix.
-        seen: where it was found, a sentence.
+        guess: the found law with its shape.
+        cause: name of the effect, which is the file name without suffix.
+        seen: sentence that says where the law was found.
     """
     parts, first = guess.with_sizes(), guess.parts[0]
     title = f"Found in a session: {spoken_law(guess)}."
@@ -162,33 +162,33 @@ def effect_file(guess: Guess, cause: str, seen: str) -> str:
 
 
 def project_file(cause: str) -> str:
-    """The `pyproject.toml` that makes it known."""
+    """Text of the `pyproject.toml` that registers the effect."""
     return _PROJECT.format(package=cause.replace("_", "-"), cause=cause, name=class_name(cause))
 
 
 def equations(guess: Guess) -> list[str]:
-    """Of each number that it moves."""
+    """Equation of each number that the law changes."""
     apart = len(guess.parts) > 1
     return [equation(law, target, apart) for law in guess.parts for target in law.targets]
 
 
 def spoken_law(guess: Guess) -> str:
-    """What it moves, and by what, in words."""
+    """Function, quantities and kind of the law, in words."""
     law = guess.parts[0]
     by = [quantity.name for quantity in (law.of, law.by) if quantity is not None]
     return f"{law.function} of {' and '.join(by)}, in the {law.kind}"
 
 
 def class_name(cause: str) -> str:
-    """As classes are named."""
+    """Class name of an effect: its cause in capitalised words."""
     return "".join(word.capitalize() for word in cause.split("_") if word)
 
 
 def require_effect_name(path: Path) -> None:
-    """A file whose name can be that of a new effect.
+    """Refuse a file name that cannot be that of a new effect.
 
     Raises:
-        InputError: no name of a module, or that of an effect that there is.
+        InputError: it is not a valid module name, or is the name of an existing effect.
     """
     cause = path.stem
     good = cause.isidentifier() and not keyword.iskeyword(cause) and cause.islower()
@@ -223,7 +223,7 @@ def _moved(parts: Sequence[FoundLaw]) -> list[str]:
 
 
 def _searched(parts: Sequence[FoundLaw]) -> list[tuple[str, str, FoundLaw, float, float]]:
-    """Name of the file's field, name of the law's, whose, and its interval."""
+    """Searched shape values: field name in the file, field name in the law, law, and bounds."""
     found = []
     for number, law in enumerate(parts, start=1):
         tag = f"_{number}" if len(parts) > 1 else ""
@@ -239,7 +239,7 @@ def _told(parts: Sequence[FoundLaw]) -> str:
 
 
 def _items(items: Sequence[str], depth: int, brackets: str = "()") -> str:
-    """A collection, an item a line; what stands before it is indented by `depth`."""
+    """Print a collection, one item per line; `depth` is the indent of the line it begins in."""
     begin, end = brackets[0], brackets[1]
     lines = "".join(f"{' ' * (depth + 4)}{item},\n" for item in items)
     return f"{begin}\n{lines}{' ' * depth}{end}" if items else brackets

@@ -1,7 +1,7 @@
-"""A list of points, corrected: a controller that knows the drawing alone drives them right.
+"""Correct a list of points for a controller that only knows the nominal kinematics.
 
-For a target p with nominal command q and correction dq the point is FK_nominal(q + dq): the
-drawing's inverse makes the corrected command of it.
+For a target with nominal command q and correction dq, the corrected point is FK_nominal(q + dq):
+the nominal inverse kinematics of the controller turns it into the corrected command q + dq.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ Array = NDArray[np.float64]
 
 _COLUMNS = ("x_mm", "y_mm", "z_mm", "turn_x_deg", "turn_y_deg", "turn_z_deg")
 _UNITS = np.array([1e-3] * 3 + [np.pi / 180] * 3)
-_SAME = 1e-8  # times the joint size: what the drawing's inverse may miss a command by
+_SAME = 1e-8  # [joint size] tolerance of a command from the nominal inverse kinematics
 
 
 def require_points(robot: Robot) -> None:
-    """Refuse a robot whose corrected commands no points say.
+    """Refuse a robot whose corrected commands cannot be expressed as points.
 
     Raises:
-        InputError: it has more joints than the coordinates that they command.
+        InputError: the number of its joints differs from that of the coordinates they command.
     """
     model = robot.commanded
     if model.joints != model.task_size:
@@ -43,18 +43,18 @@ def require_points(robot: Robot) -> None:
 
 
 def corrected_points(robot: Robot, rows: Sequence[Row], joint: Array) -> str:
-    """The text of a file of targets with corrected coordinates in it, its columns as they came.
+    """Text of a target file with corrected coordinates, with the columns in their order.
 
-    Coordinates that the joints do not command stay as they were written, and so do other columns.
+    Coordinates that the joints do not command, and other columns, are copied unchanged.
 
     Args:
-        robot: whose drawing the controller goes by.
-        rows: lines of the targets' file.
-        joint: corrected commands, (n, m).
+        robot: robot with the nominal kinematics that the controller uses.
+        rows: lines of the target file.
+        joint: corrected commands, (n, m) [rad or m].
 
     Raises:
-        InputError: such a robot's commands are not those of any point.
-        DataError: the drawing's inverse makes another command of a corrected point.
+        InputError: the robot's corrected commands cannot be expressed as points.
+        DataError: the nominal inverse kinematics gives another command for a corrected point.
     """
     require_points(robot)
     point, turn = tool_frames(robot, joint)

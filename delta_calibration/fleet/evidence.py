@@ -1,15 +1,15 @@
-"""What the fits of a machine say of it, apart from what they were told before.
+"""Likelihood of a machine's parameters from its calibrations, without their prior.
 
 A calibration is the posterior N(d, C) of dimensions and effects under the tolerances of the
-drawing and the usual spread of effects. Divided by that prior the likelihood of its data is left,
+drawing and the usual spread of effects. Divided by that prior it gives the likelihood of its data,
 in units of the prior
 
     L = C^-1 - 1,    l = C^-1 d
 
-Combinations of which a fit is no surer than the prior say nothing. What belongs to a session, the
-reflector's place and effects on readings or by the session's clock, is integrated out, and so are
-effects that most machines do not have; the tracker's frame is by C itself. The sessions of a
-machine add up.
+Parameter combinations whose variance is no smaller than the prior's contribute nothing. Nuisance
+parameters of a session (reflector offset, effects on readings or by the session's clock) are
+integrated out, and so are effects that most machines do not have; C has the tracker's frame
+integrated out already. The likelihoods of a machine's sessions are added.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Index = NDArray[np.int64]
 
-_NOTHING = 1e-9  # [tolerances^2] variance of what was held in a fit
-_SAID = 0.999  # [tolerances^2] variance up to which a combination is known from data
+_NOTHING = 1e-9  # [tolerances^2] least variance, of what was held fixed in a fit
+_SAID = 0.999  # [tolerances^2] variance below which a combination was identified from data
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Fitted:
 
     machine: str
     calibrations: tuple[Calibration, ...]
-    diagnosed: Calibration | None = None  # the last of them in which effects were looked for
+    diagnosed: Calibration | None = None  # the last one with a diagnosis
 
     @property
     def found(self) -> tuple[Effect, ...]:
@@ -56,7 +56,7 @@ class Fitted:
 
     @property
     def all_found(self) -> tuple[Effect, ...]:
-        """The same with effects on readings, and those of the session's clock."""
+        """All effects of its last diagnosis: also those on readings or by the session's clock."""
         return () if self.diagnosed is None else self.diagnosed.chain.effects
 
     def has(self, effects: Sequence[Effect]) -> Bools:
@@ -75,7 +75,7 @@ class Fitted:
         )
 
     def likelihood(self, effects: Sequence[Effect] = ()) -> Likelihood:
-        """What all of them say of the dimensions and of some effects."""
+        """Likelihood of the dimensions and of some effects, summed over all calibrations."""
         each = [likelihood_of_calibration(one, effects) for one in self.calibrations]
         return Likelihood(
             np.sum([one.information for one in each], axis=0),
@@ -84,16 +84,16 @@ class Fitted:
 
 
 def fitted(machine: str, documents: Iterable[Any], robot: Robot) -> Fitted:
-    """The calibrations of a machine as a store keeps them.
+    """Load the calibrations of a machine from documents in a store.
 
     Raises:
-        ConfigError: one was made for another robot.
+        ConfigError: a calibration was made for another robot.
     """
     calibrations, diagnosed = [], None
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "calibration.json"
         for document in documents:
-            if "prior" in document["provenance"]:  # a fit that was told of others already
+            if "prior" in document["provenance"]:  # a fit with a prior from others
                 continue
             file.write_text(json.dumps(document), encoding="utf-8")
             calibrations.append(load_calibration(file, robot))
@@ -103,7 +103,7 @@ def fitted(machine: str, documents: Iterable[Any], robot: Robot) -> Fitted:
 
 
 def common_effects(machines: Sequence[Fitted]) -> tuple[Effect, ...]:
-    """Effects that most of the machines with a diagnosis have, each in the shape most have."""
+    """Effects that most of the diagnosed machines have, in the same shape."""
     asked = sum(machine.diagnosed is not None for machine in machines)
     having: dict[Hashable, list[Effect]] = defaultdict(list)
     for machine in machines:
@@ -113,9 +113,9 @@ def common_effects(machines: Sequence[Fitted]) -> tuple[Effect, ...]:
 
 
 def alike(effect: Effect) -> Hashable:
-    """What effects of the same cause in the same shape share: fields of a search to two figures.
+    """Key of an effect's cause and shape: its searched fields, rounded to two digits.
 
-    Fields that go with values, as the width of a play, are none of the shape.
+    Fields that follow from fitted values, such as the width of a play, are not part of the shape.
     """
     shape = {name: effect.settings[name] for name in effect.told}
     return effect.cause, tuple(
@@ -124,9 +124,9 @@ def alike(effect: Effect) -> Hashable:
 
 
 def together(machines: Sequence[Fitted], effects: Sequence[Effect] = ()) -> Likelihood:
-    """What each of several machines says of p dimensions and k parameters of effects.
+    """Stack the likelihoods of N machines, of p dimensions and k parameters of effects.
 
-    (N, p + k, p + k) and (N, p + k).
+    Information (N, p + k, p + k) and vectors (N, p + k).
     """
     each = [machine.likelihood(effects) for machine in machines]
     return Likelihood(
@@ -137,16 +137,16 @@ def together(machines: Sequence[Fitted], effects: Sequence[Effect] = ()) -> Like
 def likelihood_of_calibration(
     calibration: Calibration, effects: Sequence[Effect] = ()
 ) -> Likelihood:
-    """What the data of a calibration say, in units of the chain's priors off the drawing.
+    """Likelihood of a calibration's data, in units of the chain's priors about the drawing.
 
     Args:
-        calibration: of a machine.
-        effects: of which is told beside the dimensions; nothing is said of those it does not have.
+        calibration: calibration of a machine.
+        effects: effects to include with the dimensions; information 0 for those it does not have.
     """
     chain = calibration.chain
     rows = _rows(chain, effects)
     whole, sums = np.zeros((len(rows), len(rows))), np.zeros(len(rows))
-    if calibration.uncertainty is None:  # of a file from before it was told
+    if calibration.uncertainty is None:  # an older file without uncertainty
         return Likelihood(whole, sums)
     parameters, prior = chain.parameters, chain.parameters.prior
     variance = np.diag(calibration.uncertainty.covariance)
@@ -170,7 +170,7 @@ def likelihood_of_calibration(
 
 
 def _rows(chain: Chain, effects: Sequence[Effect]) -> Index:
-    """Entries of theta of the dimensions and of these effects; -1 of what it does not have."""
+    """Entries in theta of the dimensions and of these effects; -1 for effects it does not have."""
     have = {alike(e): own for e, own in zip(chain.effects, chain.layout.each, strict=True)}
     parts = [entries(chain.layout.geometry)]
     for effect in effects:
@@ -181,7 +181,7 @@ def _rows(chain: Chain, effects: Sequence[Effect]) -> Index:
 
 
 def _integrated(information: Array, along: Array, here: Bools) -> tuple[Array, Array]:
-    """Integrate out all that is not `here`, by its prior."""
+    """Integrate out all parameters that are not in the mask `here`, with their prior."""
     rest = information[~here][:, ~here] + np.eye(int(np.count_nonzero(~here)))
     carried = np.linalg.solve(rest, information[~here][:, here]).T
     return (
@@ -191,7 +191,7 @@ def _integrated(information: Array, along: Array, here: Bools) -> tuple[Array, A
 
 
 def _free(calibration: Calibration, effect: Effect) -> Bools:
-    """Which parameters of an effect were fitted, (k,); the others are nothing for certain."""
+    """Which parameters of an effect were fitted, (k,); the others are exactly 0."""
     for own, part in zip(calibration.chain.effects, calibration.chain.layout.each, strict=True):
         if alike(own) == alike(effect) and calibration.uncertainty is not None:
             return np.asarray(np.diag(calibration.uncertainty.covariance)[part] > 0)

@@ -1,6 +1,6 @@
-"""Where the sessions of a fleet are: a folder of machines on any file system that fsspec knows.
+"""Sessions of a fleet in a folder of machines, on any file system that fsspec supports.
 
-FLEET/robot.yaml                the robot of all machines that have none of their own
+FLEET/robot.yaml                the robot of all machines without a robot file of their own
 FLEET/MACHINE/robot.yaml        the robot of this machine
 FLEET/MACHINE/SESSION/          a rosbag2 folder
 """
@@ -26,7 +26,7 @@ ROBOT = "robot.yaml"
 
 @dataclass(frozen=True)
 class RobotFile:
-    """The file of a robot: its content, which goes to workers that do not have it."""
+    """Content of a robot file, to be sent to workers that do not have the file."""
 
     given: str  # path, URL or name
     document: Document
@@ -34,10 +34,10 @@ class RobotFile:
 
 @dataclass(frozen=True)
 class Place:
-    """A session of a machine and where it is."""
+    """A session of a machine and the place of its folder."""
 
     id: str
-    url: str  # folder
+    url: str  # path or URL of its folder
     topics: tuple[str, ...] = ()
 
 
@@ -51,10 +51,10 @@ class Machine:
 
 
 def is_folder(source: str) -> bool:
-    """Whether a source of sessions is a folder of machines; else it is a store of a history.
+    """Whether a source of sessions is a folder of machines; otherwise it is a history store.
 
     Raises:
-        InputError: neither.
+        InputError: it is neither.
     """
     protocol, found, _ = source.partition("://")
     if found:
@@ -68,15 +68,15 @@ def is_folder(source: str) -> bool:
 def machines_in(
     source: str, robot: RobotFile | None, topics: tuple[str, ...] = ()
 ) -> tuple[Machine, ...]:
-    """The machines of a folder, by name.
+    """List the machines in a folder, by name.
 
     Args:
-        source: the folder, a path or a URL.
-        robot: of all machines; where it is not given, they have a `robot.yaml`.
-        topics: of another name, in all sessions.
+        source: path or URL of the folder.
+        robot: robot of all machines; if None, each machine or the folder has a `robot.yaml`.
+        topics: topics with non-standard names, the same in all sessions.
 
     Raises:
-        InputError: no such folder, none with machines in it, or a machine without a robot.
+        InputError: the folder is missing or has no machines, or a machine has no robot.
     """
     system, root = _opened(source)
     shared = robot or _robot_in(system, root)
@@ -102,10 +102,10 @@ def machines_in(
 
 
 def robot_file(given: str) -> RobotFile:
-    """A robot file by its path, or by the name of one that comes with the package.
+    """Read a robot file by its path, or by the name of one that comes with the package.
 
     Raises:
-        ConfigError: not there.
+        ConfigError: there is no such file.
     """
     path, document = robot_document(given)
     kept = str(path.resolve()) if Path(given).is_file() else given
@@ -114,10 +114,10 @@ def robot_file(given: str) -> RobotFile:
 
 @contextmanager
 def local(url: str) -> Iterator[Path]:
-    """The folder of a session on this computer: itself, or a copy that goes afterwards.
+    """Yield a local folder of a session: the folder itself, or a copy that is deleted afterwards.
 
     Raises:
-        InputError: it cannot be had.
+        InputError: it cannot be read.
     """
     system, path = _opened(url)
     if isinstance(system, LocalFileSystem):
@@ -141,7 +141,7 @@ def _opened(url: str) -> tuple[Any, str]:
 
 
 def _folders(system: Any, path: str) -> list[str]:
-    """Folders within one, by name, without hidden ones."""
+    """Sub-folders of a folder, sorted by name, without hidden ones."""
     try:
         inside = system.ls(path, detail=True)
     except (OSError, ValueError) as error:
@@ -163,5 +163,5 @@ def _robot_in(system: Any, folder: str) -> RobotFile | None:
 
 
 def _url(system: Any, path: str) -> str:
-    """A path where it is one of this computer, else the URL."""
+    """The path itself if it is local, otherwise its URL."""
     return path if isinstance(system, LocalFileSystem) else str(system.unstrip_protocol(path))

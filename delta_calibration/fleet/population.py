@@ -1,22 +1,23 @@
-"""Mean and spread of the numbers of a type of machine, from fits of many: empirical Bayes.
+"""Estimate mean and spread of a machine type's parameters from many machines: empirical Bayes.
 
-Machine i has dimensions and effects d_i, seen through the likelihood of its data (L_i, l_i);
-each is of the crowd N(m, s^2) or odd (`estimation/population.py`). Sought are m, s and the
-share o of odd ones that make all data likeliest. A parameter of an effect is of the crowd only in
-machines in which a diagnosis found it, and its o is its own; all dimensions share theirs. Parts of
-the same kind, as the arms of the three legs, share s, each with a mean of its own. Weak priors
-only count where the fleet says nothing: m within a tolerance of the drawing, s about a tolerance,
-as a fiftieth of a machine would tell it. By turns:
+Machine i has dimensions and effects d_i, with the likelihood (L_i, l_i) of its data. Each number
+belongs to the crowd N(m, s^2) or is odd, an outlier (`estimation/population.py`). The estimate is
+the m, s and share o of odd ones with the highest likelihood of all data. A parameter of an effect
+belongs to the crowd only in machines in which a diagnosis found it, and has its own o; all
+dimensions share one o. Parts of the same kind, such as the arms of the three legs, share s but
+have their own means. Weak priors only matter where the fleet has no data: m within a tolerance of
+the drawing, s about a tolerance, with the weight of a fiftieth of a machine. In turns:
 
     E   belief of each machine, by expectation propagation
-    m   generalised least squares: machine i tells of m through D - D (L_i + D)^-1 D, with D the
-        precision of its dimensions in the crowd (w / s^2; w the probability that one is)
+    m   generalised least squares: machine i has the information D - D (L_i + D + 1 - w)^-1 D
+        about m, with D = w / s^2 the precision of its dimensions in the crowd and w the
+        probability that one is in it (if odd, its precision is 1)
     s   s^2 = sum w (e - m)^2 / sum w (1 - v / s^2), e and v mean and variance of a dimension that
-        is in the crowd (MacKay 1992), which goes faster than the expectation's own step
+        is in the crowd (MacKay 1992), which converges faster than the update of plain EM
     o   mean of 1 - w
 
-A parameter that most diagnoses did not find is nothing in the crowd. A dimension that no session
-shows keeps the tolerance of the drawing.
+A parameter that most diagnoses did not find has mean 0 in the crowd. A dimension that no session
+identifies keeps the tolerance of the drawing.
 """
 
 from __future__ import annotations
@@ -34,34 +35,34 @@ from delta_calibration.estimation import Belief, Likelihood, Population, believe
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-FEWEST = 5  # machines that are a fleet
+FEWEST = 5  # least number of machines in a fleet
 _ROUNDS = 80
-_SETTLED = 1e-4  # [tolerances] change of mean and spread
-_AS_ONE = 0.02  # machines that the drawing's own tolerances count for
-_ODD = (1.0, 19.0)  # odd dimensions and others that are supposed to be known beforehand
-_LACKING = (1.0, 1.0)  # the same of an effect's parameter: Laplace's rule
-_NARROWEST, _WIDEST = 0.01, 1.0  # [tolerances] of a spread
+_SETTLED = 1e-4  # [tolerances] change of mean and spread at convergence
+_AS_ONE = 0.02  # [machines] weight of the drawing's own tolerances
+_ODD = (1.0, 19.0)  # prior counts of odd dimensions and of others
+_LACKING = (1.0, 1.0)  # prior counts for an effect's parameter: Laplace's rule
+_NARROWEST, _WIDEST = 0.01, 1.0  # [tolerances] bounds of a spread
 
 
 @dataclass(frozen=True)
 class Estimated:
-    """A population and how well it is known."""
+    """An estimated population with its uncertainty."""
 
     population: Population
     mean_std: Array  # (p + k,)
-    told: Array  # (p + k,) so many machines' worth of knowledge of each number is in its spread
+    told: Array  # (p + k,) [machines] effective number that each spread was estimated from
     belief: Belief  # of each machine, (N, p + k)
 
 
 def expected(crowd: Population, told: Array) -> Population:
-    """The prior of the next machine: the crowd's, wider by how well its middle is known.
+    """Prior of the next machine: that of the crowd, widened by the uncertainty of its mean.
 
-    What no session shows of the middle, combinations of dimensions that do not move the platform,
-    does not count: it would not show in the next machine either.
+    Redundant combinations of dimensions, which do not move the platform, do not widen it: they
+    cannot be identified in the next machine either.
 
     Args:
-        crowd: of the machines that were measured.
-        told: (p + k,) so many machines' worth is known of each number.
+        crowd: population of the measured machines.
+        told: (p + k,) effective number of machines that each spread was estimated from.
     """
     wider = np.sqrt(1 + 1 / (told + 1))
     return replace(crowd, spread=np.minimum(wider * crowd.spread, _WIDEST))
@@ -69,23 +70,23 @@ def expected(crowd: Population, told: Array) -> Population:
 
 @dataclass(frozen=True)
 class Looked:
-    """In which machines effects were looked for and found."""
+    """In which machines effects were searched for, and in which they were found."""
 
     at: Bools  # (N,) machines with a diagnosis
-    there: Bools  # (N, k) whether it found each parameter of each effect
+    there: Bools  # (N, k) whether each parameter of the effects was found
 
 
 def estimate(
     data: Likelihood, kinds: Sequence[str] | None = None, looked: Looked | None = None
 ) -> Estimated:
-    """Estimate the population that N machines are of.
+    """Estimate the population that N machines belong to.
 
     Args:
-        data: of dimensions (p) and effects' parameters (k), in units of the chain's priors off
-            the drawing: (N, p + k, p + k) and (N, p + k).
-        kinds: of each number, (p + k,); those of one kind share their spread. Each is of its own
-            kind where not given.
-        looked: where the effects were found; without effects where not given.
+        data: likelihood of dimensions (p) and effects' parameters (k), in units of the chain's
+            priors about the drawing: (N, p + k, p + k) and (N, p + k).
+        kinds: kind of each number, (p + k,); numbers of one kind share their spread. By default
+            each number is a kind of its own.
+        looked: machines in which the effects were found; None without effects.
 
     Raises:
         DataError: too few machines.
@@ -111,14 +112,14 @@ def estimate(
 
 
 def _found(belief: Belief, looked: Looked) -> Belief:
-    """What was not found is not of the crowd that has it."""
+    """Set the probability of the crowd to 0 where a diagnosis did not find a parameter."""
     crowd, count = belief.crowd.copy(), looked.there.shape[1]
     crowd[:, crowd.shape[1] - count :] *= looked.there
     return replace(belief, crowd=crowd)
 
 
 def _odd(belief: Belief, looked: Looked) -> Array:
-    """Share of machines in which each number is not of the crowd, (p + k,)."""
+    """Share of machines in which each number does not belong to the crowd, (p + k,)."""
     dimensions = belief.crowd.shape[1] - looked.there.shape[1]
     own, effects = belief.crowd[:, :dimensions], belief.crowd[looked.at, dimensions:]
     odd = (np.sum(1 - own) + _ODD[0]) / (own.size + sum(_ODD))
@@ -127,7 +128,7 @@ def _odd(belief: Belief, looked: Looked) -> Array:
 
 
 def _lacking(population: Population, looked: Looked) -> Population:
-    """The same with the crowd of what most machines do not have: those that have it are odd."""
+    """Set the crowd to 0 for effects that most machines do not have; those that do are odd."""
     having = looked.there[looked.at]
     dimensions = np.zeros(len(population.mean) - having.shape[1])
     found = (having.sum(axis=0) + _LACKING[1]) / (len(having) + sum(_LACKING))
@@ -142,7 +143,7 @@ def _lacking(population: Population, looked: Looked) -> Population:
 
 
 def _mean(data: Likelihood, population: Population, belief: Belief) -> tuple[Array, Array]:
-    """Mean of the crowd and its standard error, (p,) each."""
+    """Mean of the crowd and its standard error, (p + k,) each."""
     size = data.along.shape[-1]
     crowd = belief.crowd / population.spread**2
     odd = 1 - belief.crowd
@@ -156,14 +157,14 @@ def _mean(data: Likelihood, population: Population, belief: Belief) -> tuple[Arr
 
 
 def kinds_of(names: Sequence[str]) -> tuple[str, ...]:
-    """Kinds of dimensions by their names: `arm` of `arm_1`, `elbow_half_width` of `..._1a`."""
+    """Kinds of parameters from their names: `arm` for `arm_1`, `elbow_half_width` for `..._1a`."""
     return tuple(re.sub(r"_\d+[ab]?\b", "", name) for name in names)
 
 
 def _spread(
     population: Population, belief: Belief, mean: Array, kind: NDArray[np.intp]
 ) -> tuple[Array, Array]:
-    """Spread of the crowd, and how many machines tell of it, (p,) each."""
+    """Spread of the crowd, and the effective number of machines it is from, (p + k,) each."""
     weight = belief.crowd
     known = np.clip(1 - belief.crowd_variance / population.spread**2, 0.0, 1.0)
     own = np.sum(weight * known, axis=0)

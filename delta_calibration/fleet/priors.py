@@ -1,11 +1,11 @@
-"""The file of priors: what a fleet says of the next machine of its type.
+"""The file of priors: the prior that a fleet gives for the next machine of its type.
 
-All values are absolute and in SI units. `mean` and `spread` are those of the crowd, `mean_std` how
-well the mean is known, `machines_worth` how many machines tell of the spread: near zero where no
-session shows the dimension, which keeps the tolerance of the drawing. `causes` says in how many of
-the machines that were diagnosed each cause of the catalogue was found; `effects` has those that
-most have, in the shape they have there, and of each parameter in which share of machines it is
-not of the crowd.
+All values are absolute and in SI units. `mean` and `spread` are those of the crowd, `mean_std` is
+the standard error of the mean, and `machines_worth` the effective number of machines that the
+spread was estimated from: near zero if no session identifies the dimension, which then keeps the
+tolerance of the drawing. `causes` gives the number of diagnosed machines in which each cause of
+the catalogue was found. `effects` lists the effects that most machines have, in their shape, with
+the share of machines in which each parameter does not belong to the crowd.
 """
 
 from __future__ import annotations
@@ -39,17 +39,17 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 SCHEMA = 1
-_ODD = 0.5  # probability from which on a dimension is told as odd
+_ODD = 0.5  # probability above which a dimension is reported as odd
 
 
 def write_priors(path: Path, machines: Sequence[Fitted], robot: Robot) -> dict[str, Any]:
-    """Estimate the population of machines and write it; what was written.
+    """Estimate the population of machines, write it to a file and return the content.
 
     Args:
-        path: the file.
-        machines: of one type; those without a calibration of their own, as of updates only, say
-            nothing.
-        robot: the type.
+        path: file to write.
+        machines: machines of one type; those without a calibration of their own, such as machines
+            with updates only, are ignored.
+        robot: robot of this type.
 
     Raises:
         DataError: too few machines, or a type whose dimensions have no tolerances.
@@ -70,7 +70,7 @@ def write_priors(path: Path, machines: Sequence[Fitted], robot: Robot) -> dict[s
 
 
 def population_of(machines: Sequence[Fitted]) -> tuple[tuple[Effect, ...], Estimated]:
-    """Effects that most machines have, and the population of dimensions and of these.
+    """Effects that most machines have, and the population of the dimensions and these effects.
 
     Raises:
         DataError: too few machines.
@@ -88,15 +88,15 @@ def population_of(machines: Sequence[Fitted]) -> tuple[tuple[Effect, ...], Estim
 
 
 def read_priors(path: Path, robot: Robot, model: str | None = None) -> Population:
-    """What a file of priors says of this type.
+    """Read the prior of the next machine of this type from a file of priors.
 
     Args:
-        path: the file.
-        robot: the type.
-        model: name of the mechanism that is fitted; the robot file's own where not given.
+        path: file to read.
+        robot: robot of this type.
+        model: name of the mechanism that is fitted; by default the robot file's own.
 
     Raises:
-        ConfigError: no file of priors, or one of another robot or model.
+        ConfigError: it is not a file of priors, or is of another robot or model.
     """
     data = read_document(path, lambda _: load_schema("priors"))
     made_for, mechanism = data["robot"], robot.model(model)
@@ -131,7 +131,7 @@ def read_priors(path: Path, robot: Robot, model: str | None = None) -> Populatio
 
 
 def _effect(path: Path, entry: Mapping[str, Any], robot: Robot, mechanism: Mechanism) -> Effect:
-    """An effect in the shape that the file says."""
+    """Make an effect with the shape given in the file."""
     try:
         effect = effect_named(entry["cause"], robot, mechanism, entry["settings"])
         names = effect.parameters.names
@@ -154,7 +154,7 @@ def _document(
     found: Estimated,
 ) -> dict[str, Any]:
     dimensions = mechanism.parameters.items
-    # an effect's typical size is no bound: a chain expects it within a wider spread
+    # an effect may exceed its typical size: the prior in a chain is wider by SPREAD
     wide = [replace(p, prior=SPREAD * p.prior) for e in effects for p in e.parameters]
     every = [*dimensions, *wide]
     entries = [_entry(p, found, k) for k, p in enumerate(every)]
@@ -189,7 +189,7 @@ def _entry(parameter: Parameter, found: Estimated, row: int) -> dict[str, Any]:
 def _told_odd(
     machines: Sequence[Fitted], names: Sequence[str], found: Estimated
 ) -> list[dict[str, Any]]:
-    """Dimensions that are not of the crowd."""
+    """List the dimensions that probably do not belong to the crowd, with their machines."""
     crowd = found.belief.crowd[:, : len(names)]
     return [
         {
@@ -204,7 +204,7 @@ def _told_odd(
 def _causes(
     machines: Sequence[Fitted], robot: Robot, mechanism: Mechanism
 ) -> list[dict[str, Any]]:
-    """In how many of the machines that were diagnosed each cause of the machine was found."""
+    """Count the diagnosed machines in which each cause of the catalogue was found."""
     asked = [machine for machine in machines if machine.diagnosed is not None]
     if not asked:
         return []
@@ -224,7 +224,7 @@ def _causes(
 def _effects(
     effects: Sequence[Effect], entries: Sequence[Mapping[str, Any]], found: Estimated
 ) -> list[dict[str, Any]]:
-    """Effects that most machines have, in the shape that the crowd's values go with."""
+    """List the effects that most machines have, in the shape that fits the crowd's mean values."""
     every, row, odd = [], 0, found.population.odd[-len(entries) :]
     for effect in effects:
         own = slice(row, row + len(effect.parameters))

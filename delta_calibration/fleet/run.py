@@ -1,10 +1,10 @@
-"""A fleet worked through on a Dask cluster, its results written by this process alone.
+"""Process the sessions of a fleet on a Dask cluster; only this process writes the results.
 
-Only so many sessions are on their way at once (`AHEAD` a thread of the cluster): the scheduler's
-memory does not grow with the fleet. Sessions of few places are fitted when all others of their
-machine are there, the earliest first, and the sessions of a machine are compared as soon as the
-last of them is there. A worker that is lost has its sessions done again by another; one that takes
-three workers with it is a failure of that session.
+The number of submitted sessions is limited (`AHEAD` per thread of the cluster), so that the
+scheduler's memory does not grow with the fleet. Sessions with few places are fitted, the earliest
+first, when all others of their machine are done; the sessions of a machine are compared when its
+last one is done. If a worker is lost, its sessions are processed again by another one. A session
+that repeatedly kills its worker fails (Dask's `allowed-failures`: 3 deaths are retried).
 """
 
 from __future__ import annotations
@@ -35,26 +35,26 @@ from delta_calibration.history.ledger import Compared, Failure, Ledger, hash_of_
 from delta_calibration.history.store import Entry, Store
 from delta_calibration.robot import robot_from
 
-AHEAD = 3  # sessions on their way for each thread of the cluster
-_RETRIES = 2  # of work that ends by an error that is no result: a disk or a network that fails
-_LONGEST = 60.0  # [s] until a scheduler has to answer
+AHEAD = 3  # submitted sessions per thread of the cluster
+_RETRIES = 2  # retries after an unexpected error, such as of a disk or network
+_LONGEST = 60.0  # [s] timeout for the scheduler's answer
 
 Result = Entry | Failure | There | Compared
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a fleet is worked through."""
+    """Settings of a fleet run."""
 
     quick: bool = False  # fit only
-    again: bool = False  # try sessions that failed once more
-    compare: bool = True  # find out what changed between the sessions of each machine
+    again: bool = False  # try failed sessions once more
+    compare: bool = True  # find changes between the sessions of each machine
     seed: int = 0
 
 
 @dataclass
 class _Course:
-    """What is still to come of a run."""
+    """Open work of a run: sessions left, sessions with few places, and submitted work."""
 
     machines: dict[str, Machine]
     hashes: dict[str, str]  # of their robots
@@ -65,12 +65,12 @@ class _Course:
 
 @contextmanager
 def cluster(scheduler: str | None, workers: int | None, memory_gb: float) -> Iterator[Client]:
-    """A client of a scheduler, or of a local cluster of one thread a process.
+    """Yield a client of a scheduler, or of a local cluster with one thread per process.
 
     Args:
-        scheduler: its address; a local cluster is started where none is given.
-        workers: processes of the local cluster, as many as cores where not given.
-        memory_gb: of each; one that needs more is ended and begun anew.
+        scheduler: address of the scheduler; if None, a local cluster is started.
+        workers: processes of the local cluster; by default one per core.
+        memory_gb: memory limit of each process; one that exceeds it is restarted.
 
     Raises:
         InputError: no scheduler answers there.
@@ -83,7 +83,7 @@ def cluster(scheduler: str | None, workers: int | None, memory_gb: float) -> Ite
                 threads_per_worker=1,
                 memory_limit=limit,
                 dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,  # what is lost is told as a result
+                silence_logs=logging.CRITICAL,  # a lost worker is reported as a result
             ) as own,
             Client(own) as client,
         ):
@@ -104,14 +104,14 @@ def run(
     settings: Settings,
     tell: Callable[[Result, bool], None],
 ) -> None:
-    """Work through the sessions of machines and write what is found.
+    """Process the sessions of machines and write the results.
 
     Args:
-        client: of the cluster.
-        machines: with their sessions.
-        ledger: where results are written, and what of it is done.
-        settings: what is done with a session.
-        tell: is told each result and whether it was written just now.
+        client: client of the cluster.
+        machines: machines with their sessions.
+        ledger: store of the results; sessions that it already has are skipped.
+        settings: what is done with each session.
+        tell: callback for each result, with a flag whether it was written just now.
     """
     hashes = _robots(machines, ledger, tell)
     sound = [each for each in machines if each.name in hashes]
@@ -144,9 +144,9 @@ def run(
 def _behind(
     course: _Course, machine: str, ledger: Ledger, settings: Settings
 ) -> tuple[Update | Comparison, ...]:
-    """What can be done of a machine now that another of its sessions is there."""
+    """Work on a machine that has become possible because another of its sessions is done."""
     few, left = course.few[machine], course.left[machine]
-    if few and left == len(few):  # all others are there
+    if few and left == len(few):  # all others are done
         few.sort(key=lambda each: each.began)
         known = machine in dict(ledger.store.machines())
         there = ledger.store.sessions(machine) if known else ()
@@ -158,7 +158,7 @@ def _behind(
 
 
 def machines_of(store: Store) -> tuple[Machine, ...]:
-    """The machines of a history, as it knows them."""
+    """List the machines of a history with their sessions."""
     return tuple(
         Machine(
             name,
@@ -172,7 +172,7 @@ def machines_of(store: Store) -> tuple[Machine, ...]:
 def _robots(
     machines: Sequence[Machine], ledger: Ledger, tell: Callable[[Result, bool], None]
 ) -> dict[str, str]:
-    """Hash of each machine's robot; where it is none, or another than before, it has failed."""
+    """Hash of each valid robot, by machine; a bad or changed robot file fails its sessions."""
     known, hashes = ledger.made_for(), {}
     for machine in machines:
         given = machine.robot.given
@@ -218,7 +218,7 @@ def _submitted(client: Client, course: _Course, work: Job | Update | Comparison)
 
 
 def _result(future: Future[Any], machine: str, place: Place | None) -> Result | Few:
-    """What came of it; an error that is no result, or the loss of three workers, is told."""
+    """Result of finished work; an unexpected error or lost workers give a failure."""
     if future.status == "finished":
         result: Result | Few = future.result()
         return result
@@ -229,7 +229,7 @@ def _result(future: Future[Any], machine: str, place: Place | None) -> Result | 
 
 
 def _written(result: Result, course: _Course, ledger: Ledger) -> tuple[Result, bool]:
-    """Write a result; what it is then, and whether it is new."""
+    """Write a result; returns it, or a failure if its id is taken, and whether it was written."""
     if isinstance(result, Entry):
         if ledger.taken(result):
             told = (
@@ -249,7 +249,7 @@ def _written(result: Result, course: _Course, ledger: Ledger) -> tuple[Result, b
 
 
 def _comparison(machine: Machine, ledger: Ledger) -> Comparison | None:
-    """What is to be compared of a machine, unless it was or there is only one session."""
+    """Comparison of a machine's sessions; None if it is up to date, or for a single session."""
     hashes = ledger.done(machine.name, quick=True)
     known = ledger.compared(machine.name).get(machine.name)
     same = known is not None and known.sessions_sha256 == hash_of_sessions(hashes)

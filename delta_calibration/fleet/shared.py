@@ -1,14 +1,14 @@
-"""Causes of a fleet's machines that more of them have than chance explains.
+"""Find causes that more machines of a fleet share than chance explains.
 
-Every machine has been looked at for the same causes, at the same places. With n machines and
-counts k_j of those that have the j-th, a count is held against what all the others say of how
-often one is found: their rate with its spread, a beta distribution by its moments, so that a
-count by chance is beta-binomial. The spread is taken as `_WIDER` times what the others show: it
-is known from a few dozen counts only, and rates of causes have longer tails than a beta
-distribution. The chance of as many or more, times the number of causes looked at (Bonferroni), is
-the p value: under `SURE` a cause is shared, under `PERHAPS` it may be. The same is done with
-places (which joint) taken as part of the cause. Where those that share a cause have the same
-searched order as well, as a bad batch of gears has, that is told.
+Every machine was examined for the same causes at the same locations. With n machines, k_j of them
+have cause j. Each count is compared with the rates of all other causes: a beta distribution with
+the mean and spread of these rates (method of moments), so that the count by chance is
+beta-binomial. The spread is taken as `_WIDER` times the observed one, because it is estimated from
+a few dozen counts only, and rates of causes have longer tails than a beta distribution. The p
+value is the probability of as many or more, times the number of tests (Bonferroni): below `SURE` a
+cause is shared, below `PERHAPS` it may be. The same test is made with locations (which joint) as
+part of the cause, and for changes. If the machines that share a cause also have the same searched
+order, as with a bad batch of gears, the order is reported.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
-SURE = 1e-3  # p value under which a cause is told as shared
-PERHAPS = 0.05  # p value under which it is told as perhaps shared
-_LEAST = 3  # machines that share one
-_MOST = 0.8  # share of machines that is nearly all of them
-_WIDER = 3.0  # times the spread of the other causes' rates
-_ORDER = "order"  # of a shape: periods a turn
+SURE = 1e-3  # p value below which a cause is reported as shared
+PERHAPS = 0.05  # p value below which it is reported as perhaps shared
+_LEAST = 3  # least number of machines that share a cause
+_MOST = 0.8  # share of machines above which it counts as nearly all
+_WIDER = 3.0  # factor on the spread of the other causes' rates
+_ORDER = "order"  # entry of a shape: periods per turn
 
 
 @dataclass(frozen=True)
@@ -41,31 +41,31 @@ class Shared:
 
     what: str  # in words
     machines: tuple[str, ...]
-    of: int  # machines that were looked at
-    expected: float  # how many by chance
+    of: int  # machines that were examined
+    expected: float  # number of machines expected by chance
     p_value: float
 
     @property
     def sure(self) -> bool:
-        """Whether it is told as shared; else it perhaps is."""
+        """Whether it is reported as shared; otherwise as perhaps shared."""
         return self.p_value < SURE
 
 
 @dataclass(frozen=True)
 class _Kind:
-    """What is taken for the same: signs of the machines, and how many such there could be."""
+    """One kind of sign, such as causes at locations, with those that each machine has."""
 
     signs: Mapping[str, frozenset[str]]  # of each machine
-    possible: int
+    possible: int  # number of different signs that a machine could have
 
 
 def shared_causes(fleet: Sequence[Standing], causes: int, places: int) -> tuple[Shared, ...]:
-    """Causes, and changes, that more machines have than chance may explain, surest first.
+    """List causes and changes that more machines share than chance explains, least p value first.
 
     Args:
-        fleet: how each machine stands.
-        causes: how many causes a diagnosis looks for.
-        places: at how many places (joints) a cause can be.
+        fleet: standing of each machine.
+        causes: number of causes that a diagnosis searches for.
+        places: number of locations (joints) that a cause can have.
     """
     kinds = [
         _kind(fleet, "findings", _cause, causes),
@@ -86,18 +86,18 @@ def shared_causes(fleet: Sequence[Standing], causes: int, places: int) -> tuple[
 
 
 def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
-    """Expected count of one cause, and the chance of as many as it has, by the other causes.
+    """Count of one cause expected from the other causes, and the probability of as many or more.
 
     Args:
-        counts: of machines that have each cause, (c,).
-        number: which of them.
-        machines: how many were looked at.
+        counts: number of machines that have each cause, (c,).
+        number: index of the cause.
+        machines: number of machines that were examined.
     """
     others = np.delete(counts, number)
     rate = (others.sum() + 0.5) / (machines * len(others) + 1.0)
     spread = float(np.var(others / machines))
     binomial = rate * (1 - rate) / machines
-    # correlation of two machines in the same cause: what the counts vary by more than chance
+    # correlation of two machines in the same cause, from the variance of rates beyond binomial
     alike = _WIDER * (spread - binomial) / (rate * (1 - rate))
     alike = float(np.clip(alike, 1.0 / (machines * len(others)), 0.5))
     size = (1 - alike) / alike
@@ -107,7 +107,7 @@ def chance_of(counts: Array, number: int, machines: int) -> tuple[float, float]:
 
 
 def _log_beta_binomial(k: Array, n: int, a: float, b: float) -> Array:
-    """ln of the probability of k of n, each as likely as a draw of Beta(a, b) says."""
+    """Log probability of k of n if their common probability is drawn from Beta(a, b)."""
     ways = -np.log(n + 1) - betaln(n - k + 1, k + 1)
     return np.asarray(ways + betaln(k + a, n - k + b) - betaln(a, b))
 
@@ -130,7 +130,7 @@ def _of_kind(kind: _Kind, machines: int, tried: int, word: str) -> list[Shared]:
 
 
 def _plainest(found: Sequence[Shared]) -> tuple[Shared, ...]:
-    """Without those whose machines another one has already, nearly all of them."""
+    """Drop entries if nearly all their machines are those of an entry with a lower p value."""
     kept: list[Shared] = []
     for each in found:
         own = set(each.machines)
@@ -156,13 +156,13 @@ def _cause_and_place(one: Mapping[str, Any]) -> str:
 
 
 def _orders(each: Standing) -> frozenset[float]:
-    """Orders of a machine's causes, to two figures: the same parts have the same."""
+    """Orders of a machine's causes, rounded to two digits so that equal parts compare equal."""
     orders = (one.get("shape", {}).get(_ORDER) for one in each.findings)
     return frozenset(float(f"{order:.2g}") for order in orders if order is not None)
 
 
 def _with_order(each: Shared, orders: Mapping[str, frozenset[float]]) -> Shared:
-    """The same with the order that most of its machines have."""
+    """Add the order to the name of a cause if nearly all its machines have the same one."""
     counted = Counter(order for machine in each.machines for order in orders[machine])
     for order, count in counted.most_common(1):
         if count > _MOST * len(each.machines):

@@ -1,17 +1,17 @@
-"""How each machine of a fleet stands on a day, by what its history knows.
+"""State of each machine of a fleet on a day, according to its history.
 
-A machine has one state, the first of these that is true of it:
+A machine has one state, the first of these that applies:
 
 - unknown: its last session gave no verdict, or one with structure that no cause explains;
-- drifted: something changed between its sessions, within the days that count as lately;
-- cause: its last verdict names a cause that a calibration of the dimensions does not take away;
+- drifted: something changed between its sessions, within the period that counts as lately;
+- cause: its last verdict names a cause that a calibration of the dimensions does not remove;
 - not measured lately;
 - fine.
 
-An update, a session that was fitted with what was known, leaves the verdict before it.
+After an update (a session fitted with earlier sessions as prior) the verdict before it holds.
 
-What is at stake is the error [mm RMS] that a visit may take away: what the last calibration leaves
-beyond the extended model, what no cause explains, or what a change moves the tool by.
+The stake is the error [mm RMS] that a visit may remove: the error of the calibrated dimensions
+beyond the extended model, the error that no cause explains, or the tool's motion by a change.
 """
 
 from __future__ import annotations
@@ -32,36 +32,36 @@ UNKNOWN, DRIFTED, CAUSE, STALE, FINE = (
     "fine",
 )
 STATES = (UNKNOWN, DRIFTED, CAUSE, STALE, FINE)
-_DIMENSIONS = "geometry"  # kind of a finding that the calibration itself takes away
+_DIMENSIONS = "geometry"  # kind of a finding that the calibration itself corrects
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A session of a machine, as far as its standing needs it."""
+    """The data of a session that the state of its machine depends on."""
 
     id: str
     began: datetime
     verdict: Mapping[str, Any] | None
-    error_left_mm: float  # by its own fit
-    noise_mm: float  # of a pose
+    error_left_mm: float  # error left of its own fit
+    noise_mm: float  # noise of a pose
     poses: int
-    is_update: bool = False  # fitted with what was known before; its verdict is that of before
+    is_update: bool = False  # fitted with earlier sessions as prior; the verdict before it holds
 
 
 @dataclass(frozen=True)
 class Known:
-    """All that is known of a machine."""
+    """Sessions, changes and failures of a machine."""
 
     machine: str
     robot: str
-    sessions: tuple[Measured, ...]  # in the order of time, at least one
+    sessions: tuple[Measured, ...]  # in order of time, at least one
     changes: tuple[Mapping[str, Any], ...] = ()
-    failed: tuple[str, ...] = ()  # what was said of sessions without a result
+    failed: tuple[str, ...] = ()  # error messages of sessions without a result
 
 
 @dataclass(frozen=True)
 class Standing:
-    """How a machine stands."""
+    """State of a machine, with reason, action and error at stake."""
 
     machine: str
     robot: str
@@ -78,12 +78,12 @@ class Standing:
 
 
 def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
-    """How a machine stands on a day.
+    """Determine the state of a machine on a day.
 
     Args:
-        known: all that is known of it.
-        day: the day.
-        lately: how long ago a session or a change counts.
+        known: sessions, changes and failures of the machine.
+        day: date for which the state is determined.
+        lately: longest age of a session or change that counts as lately.
     """
     last = known.sessions[-1]
     judged = next((each for each in reversed(known.sessions) if not each.is_update), last)
@@ -116,13 +116,13 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
 
 
 def first_visits(fleet: Sequence[Standing]) -> tuple[Standing, ...]:
-    """Machines that ask for a visit: most at stake first, then the longest not measured."""
+    """Machines that need a visit: largest stake first, then the longest not measured."""
     asking = [each for each in fleet if each.state != FINE]
     return tuple(sorted(asking, key=lambda each: (-each.stake_mm, each.last, each.machine)))
 
 
 def called(finding: Mapping[str, Any]) -> str:
-    """Cause and place of a finding or a change, as words."""
+    """Cause and location of a finding or a change, in words."""
     where = f" at {spoken(finding['location'])}" if finding["location"] else ""
     return f"{spoken(finding.get('cause') or finding['what'])}{where}"
 
@@ -165,7 +165,7 @@ def _causes(last: Measured) -> tuple[Mapping[str, Any], ...]:
 
 
 def _beyond(last: Measured) -> float:
-    """What the calibrated dimensions leave beyond the extended model [mm RMS]."""
+    """Held-out error of the calibrated model beyond the extended one [mm RMS], in squares."""
     if last.verdict is None:
         return 0.0
     calibrated = last.verdict["calibrated"]["held_out_rms_mm"] or 0.0
@@ -174,16 +174,16 @@ def _beyond(last: Measured) -> float:
 
 
 def _recent(known: Known, since: datetime) -> tuple[Mapping[str, Any], ...]:
-    """Changes that were there first in a session since then."""
+    """Changes whose first session after the change began at `since` or later."""
     began = {each.id: each.began for each in known.sessions}
     return tuple(c for c in known.changes if began.get(c["before"], since) >= since)
 
 
 def _moves_mm(known: Known, change: Mapping[str, Any]) -> float:
-    """By how much a change moves the tool [mm RMS], beside everything that is fitted anew.
+    """Motion of the tool by a change [mm RMS], without what a new fit of the rest absorbs.
 
-    Its signal lambda is the sum of squares of what it moves over the noise, of three coordinates a
-    pose, in the sessions behind it.
+    The signal lambda of a change is the sum of squares of this motion divided by the noise, over
+    three coordinates per pose of all sessions after the change.
     """
     ids = [each.id for each in known.sessions]
     behind = known.sessions[ids.index(change["before"]) :] if change["before"] in ids else ()

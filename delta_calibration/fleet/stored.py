@@ -1,4 +1,4 @@
-"""What a store knows of its machines, as `standing.py` takes it."""
+"""Read the data that `standing.py` needs of each machine from a store."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from delta_calibration.history.store import Entry
 
 
 def known_machines(ledger: Ledger) -> Iterator[Known]:
-    """The machines of a store, one at a time, by name."""
+    """Yield the machines of a store, one at a time, by name."""
     failed = defaultdict(list)
     for failure in ledger.failures():
         failed[failure.machine].append(f"{failure.id}: {failure.told}")
@@ -24,7 +24,7 @@ def known_machines(ledger: Ledger) -> Iterator[Known]:
 
 
 def never_measured(ledger: Ledger) -> dict[str, tuple[str, ...]]:
-    """Machines of which no session gave a result, and what was said of them."""
+    """Machines without any result, with the error messages of their sessions."""
     known = dict(ledger.store.machines())
     failed = defaultdict(list)
     for failure in ledger.failures():

@@ -1,7 +1,7 @@
-"""What a worker of the cluster does: one session, or the comparison of a machine's sessions.
+"""Work of the cluster's workers: process one session, or compare a machine's sessions.
 
-All are functions of what they are handed, and change nothing but what they return: a worker that
-is lost loses nothing, its work is done again elsewhere.
+All functions depend on their arguments only and have no side effects: the work of a lost worker
+is simply done again by another one.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ _Made = TypeVar("_Made")
 
 @dataclass(frozen=True)
 class Job:
-    """One session to be checked, fitted and diagnosed."""
+    """A session to be checked, fitted and diagnosed."""
 
     machine: str
     place: Place
     robot: RobotFile
     done: frozenset[str]  # hashes of the machine's sessions that need no more work
-    failed: str | None = None  # hash with which it failed before, not to be tried again
+    failed: str | None = None  # hash of its content when it failed; not tried again
     quick: bool = False  # fit only
     seed: int = 0
 
@@ -49,12 +49,12 @@ class There:
 
     machine: str
     id: str
-    failed: bool = False  # before, and is as it was then
+    failed: bool = False  # whether it failed before and is unchanged since
 
 
 @dataclass(frozen=True)
 class Few:
-    """A session of few places, to be fitted when the others of its machine are there."""
+    """A session with few places, to be fitted when the others of its machine are done."""
 
     job: Job
     began: datetime
@@ -62,7 +62,7 @@ class Few:
 
 @dataclass(frozen=True)
 class Update:
-    """A session of few places, and the sessions of its machine that are there."""
+    """A session with few places to be fitted, and the sessions of its machine that are done."""
 
     job: Job
     entries: tuple[Entry, ...]
@@ -74,7 +74,7 @@ class Update:
 
     @property
     def place(self) -> Place:
-        """Where the session is."""
+        """Id and folder of the session."""
         return self.job.place
 
 
@@ -85,21 +85,21 @@ class Comparison:
     machine: str
     robot: RobotFile
     entries: tuple[Entry, ...]
-    place: None = None  # of no single session
+    place: None = None  # not work on a single session
 
 
 def examine(job: Job) -> Entry | Failure | There | Few:
-    """Check, fit and diagnose one session; what is wrong with it is a result as well."""
+    """Check, fit and diagnose one session; an error of the session gives a `Failure`."""
     return _examined(job, lambda folder, digest: _entry(job, folder, digest))
 
 
 def update(work: Update) -> Entry | Failure | There:
-    """Fit a session of few places with what the others of its machine say."""
+    """Fit a session with few places, with the other sessions of its machine as prior."""
     return _examined(work.job, lambda folder, digest: _updated(work, folder, digest))
 
 
 def _examined(job: Job, work: Callable[[Path, str], _Made]) -> _Made | Failure | There:
-    """What is made of a session that needs work."""
+    """Do the work on a session, unless it is done or failed before and is unchanged."""
     digest, place = "", job.place
     try:
         with local(place.url) as folder:
@@ -116,7 +116,7 @@ def _examined(job: Job, work: Callable[[Path, str], _Made]) -> _Made | Failure |
 
 
 def compare(job: Comparison) -> Compared:
-    """What changed of a machine between its sessions."""
+    """Find the changes of a machine between its sessions."""
     digest = hash_of_sessions(entry.sha256 for entry in job.entries)
     try:
         robot = robot_from(job.robot.document, job.robot.given)
@@ -131,7 +131,7 @@ def compare(job: Comparison) -> Compared:
 
 
 def _days(entries: Sequence[Entry], robot: Robot) -> list[Dated]:
-    """Sessions that are there, read again."""
+    """Read sessions of the history again from their bags."""
     with ExitStack() as stack:
         folders = [stack.enter_context(local(entry.path)) for entry in entries]
         for entry, folder in zip(entries, folders, strict=True):
@@ -163,7 +163,11 @@ def _updated(work: Update, folder: Path, digest: str) -> Entry:
 
 
 def _seen(job: Job, folder: Path) -> tuple[Robot, Survey]:
-    """The robot, and what was measured of it without any mistake that can be seen."""
+    """Read the robot and the survey of a session, and refuse a session with recording mistakes.
+
+    Raises:
+        MistakeError: the check found mistakes.
+    """
     robot = robot_from(job.robot.document, job.robot.given)
     recorded = read_session(folder, Topics.from_options(job.place.topics))
     found = check(recorded, robot, job.robot.document, job.robot.given).found

@@ -1,4 +1,4 @@
-"""A session with what was made of it, as the history of a machine keeps it."""
+"""Make history entries: a session with its calibration and its verdict."""
 
 from __future__ import annotations
 
@@ -32,18 +32,18 @@ def entry_of(
     topics: Sequence[str] = (),
     by: str = BY_COMMAND,
 ) -> Entry:
-    """What is to be kept of a session.
+    """Make the history entry of a session.
 
     Args:
-        machine: its name.
+        machine: name of the machine.
         name: id of the session.
-        path: of its bag.
+        path: path or URL of its bag.
         digest: SHA-256 of the bag.
-        poses: that were measured.
-        calibration: that was made of it, the document of its file.
-        verdict: of a diagnosis, as its file holds it; None where there was none.
-        topics: of other names, as STREAM=TOPIC.
-        by: which program adds it.
+        poses: measured poses; they give the start time.
+        calibration: content of the calibration file that was made from the session.
+        verdict: content of the verdict file; None without a diagnosis.
+        topics: topics with non-standard names, as STREAM=TOPIC.
+        by: program that adds the session.
     """
     return Entry(
         machine=machine,
@@ -60,10 +60,10 @@ def entry_of(
 
 
 def calibration_document(path: Path) -> dict[str, Any]:
-    """The document of a calibration file.
+    """Read the content of a calibration file.
 
     Raises:
-        ConfigError: it is none.
+        ConfigError: it is not a calibration file.
     """
     return read_document(path, lambda _: load_schema("calibration"))
 
@@ -74,13 +74,13 @@ Diagnose = Callable[[Survey, Robot], Diagnosis]
 def made_of(
     seen: Survey, robot: Robot, seed: int, diagnose: Diagnose | None
 ) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Calibration and verdict of a session, as documents.
+    """Make the calibration and the verdict of a session, as documents.
 
     Args:
-        seen: what was measured.
-        robot: what was measured.
-        seed: of what a fit leaves to chance.
-        diagnose: finds causes; where it is not given, the geometry is fitted only, and there is no
+        seen: measured session.
+        robot: robot that was measured.
+        seed: seed of the random numbers of the fit.
+        diagnose: function that finds causes; if None, only the geometry is fitted and there is no
             verdict.
     """
     if diagnose is None:
@@ -94,18 +94,18 @@ def made_of(
 def updated(
     old: Sequence[Dated], new: Dated, robot: Robot, seed: int
 ) -> tuple[Prospect, dict[str, Any]]:
-    """Calibration of a session that is fitted with what those before it say, as a document.
+    """Fit a session with earlier sessions as prior; the prior and the calibration document.
 
-    It may have few places, of which no diagnosis can be made.
+    The session may have too few places for a diagnosis.
 
     Args:
-        old: other sessions of the machine; those that began before the new one count.
-        new: the session.
-        robot: what was measured.
-        seed: of what a fit leaves to chance.
+        old: other sessions of the machine; only those that began before the new one are used.
+        new: session to be fitted.
+        robot: robot that was measured.
+        seed: seed of the random numbers of the fit.
 
     Raises:
-        DataError: no session began before, or the new one has hardly any places.
+        DataError: no session began before it, or it has too few places even for such a fit.
     """
     expected = prospect(old, robot, new)
     poses = new.survey.poses
@@ -114,16 +114,16 @@ def updated(
 
 
 def newly(name: str, seen: Survey) -> Dated:
-    """A session that is not in the history yet."""
+    """Give a session that is not in the history yet its name and start time."""
     began = datetime.fromtimestamp(seen.poses.start_ns * 1e-9, timezone.utc)
     return Dated(name, began, seen)
 
 
 def read_again(entry: Entry, robot: Robot) -> Dated:
-    """The session of an entry, from its bag.
+    """Read the session of an entry again from its bag.
 
     Raises:
-        InputError: the bag is gone or was changed.
+        InputError: the bag is missing or was changed.
     """
     entry.require_unchanged()
     with at_hand(entry.path) as folder:
@@ -131,9 +131,9 @@ def read_again(entry: Entry, robot: Robot) -> Dated:
 
 
 def dated(entry: Entry, robot: Robot, folder: Path) -> Dated:
-    """The session of an entry, read again from a folder, with the effects that it showed.
+    """Read the session of an entry from a folder, with the effects that its diagnosis found.
 
-    What an update has in its calibration was found in other sessions.
+    An update gets no effects: those in its calibration were found in other sessions.
     """
     recorded = read_session(folder, Topics.from_options(entry.topics))
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)

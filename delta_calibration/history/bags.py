@@ -1,8 +1,9 @@
-"""Bags where they lie: a folder of this machine, or a URL on any file system that fsspec knows.
+"""Access to bags: local folders, or URLs on any file system that fsspec supports.
 
-A URL is as fsspec takes it: `s3://bucket/day_1`, `zip://day_1::/archive/days.zip`. A bag there is
-brought to a temporary folder to be read. Needs fsspec (`pip install 'delta_calibration[history]'`)
-only where a URL is used; a protocol may need a package of its own, which fsspec names.
+URLs have the form that fsspec takes: `s3://bucket/day_1`, `zip://day_1::/archive/days.zip`. A bag
+at a URL is copied to a temporary folder for reading. Only URLs need fsspec
+(`pip install 'delta_calibration[history]'`); some protocols need another package, which fsspec's
+error message names.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ _CHUNK = 1 << 20
 
 
 def is_url(path: str) -> bool:
-    """Whether a path is on a file system of fsspec's."""
+    """Whether a path is a URL, to be opened by fsspec."""
     return "://" in path
 
 
 def place_of(path: str) -> str:
-    """A path that holds wherever the program runs: a URL as it is, a folder in full."""
+    """Path that is valid from any working directory: URLs unchanged, folders made absolute."""
     return path if is_url(path) else str(Path(path).resolve())
 
 
 def name_of(path: str) -> str:
-    """Name of the folder."""
+    """Name of the folder that a path or URL leads to."""
     return PurePosixPath(path.split("::")[0]).name if is_url(path) else Path(path).resolve().name
 
 
 def is_there(path: str) -> bool:
-    """Whether a folder is there.
+    """Whether a folder exists.
 
     Raises:
         InputError: its file system cannot be reached.
@@ -66,7 +67,7 @@ def bag_hash(path: str) -> str:
 
 @contextmanager
 def at_hand(path: str) -> Iterator[Path]:
-    """The folder on this machine; from elsewhere it is there until the end of the context.
+    """Yield a local folder: the folder itself, or a copy that is deleted when the context ends.
 
     Raises:
         InputError: a file cannot be read.
@@ -87,7 +88,7 @@ def at_hand(path: str) -> Iterator[Path]:
 
 
 def _files(path: str) -> list[tuple[str, Callable[[], BinaryIO]]]:
-    """Names of all files, relative to the folder, and what opens each."""
+    """List all files of a folder: name relative to the folder, and a function that opens it."""
     if not is_url(path):
         root = Path(path)
         return [
@@ -126,10 +127,10 @@ def _system(path: str) -> tuple[Any, str]:
 
 @contextmanager
 def _told(path: str) -> Iterator[None]:
-    """Errors of a file system as ours."""
+    """Turn errors of a file system into `InputError`."""
     try:
         yield
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, ImportError) as error:  # a protocol that is not known, or not installed
+    except (ValueError, ImportError) as error:  # the protocol is unknown or not installed
         raise InputError(f"{path}: cannot be read: {error}") from error

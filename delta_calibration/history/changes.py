@@ -1,4 +1,4 @@
-"""The change log of a machine: what changed between which sessions, from what to what."""
+"""The change log of a machine: which parameter changed between which sessions, and how much."""
 
 from __future__ import annotations
 
@@ -21,34 +21,34 @@ from delta_calibration.wording import figures, measured, spoken, sure
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-_NAMED = 0.5  # probability from which on a cause is told as the one
+_NAMED = 0.5  # least probability of a cause for its sentence to have no caveat
 
 
 @dataclass(frozen=True)
 class Change:
-    """What changed between two sessions that follow each other."""
+    """A change of one cause between two consecutive sessions."""
 
-    after: str  # id of the last session before it
-    before: str  # id of the first session behind it
-    what: str  # cause, by the fixed names
+    after: str  # id of the last session before the change
+    before: str  # id of the first session after the change
+    what: str  # fixed name of the cause
     location: str | None
-    parameter: str  # which number of it; its amplitude where there are several
+    parameter: str  # name of the changed parameter; "amplitude" if several changed together
     from_: float
     to: float
     from_std: float
     to_std: float
     std: float  # of the difference
     unit: str
-    confidence: float  # probability of cause, place and gap
-    happened: float  # probability that anything changed there
-    rivals: tuple[str, ...]  # other names for the same, with their probability
+    confidence: float  # probability that cause, location and gap are right
+    happened: float  # probability of any change, against none
+    rivals: tuple[str, ...]  # alternative causes or gaps, with their probability
     signal: float  # lambda
-    when: tuple[datetime, datetime]  # these two sessions began
-    # what each session says of it, all else as all of them have it: value and standard deviation
+    when: tuple[datetime, datetime]  # start times of these two sessions
+    # each session's own value and standard deviation; all other parameters from all sessions
     course: tuple[tuple[float, float], ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """As other programs read it."""
+        """The change as a dictionary for other programs."""
         return {
             "after": self.after,
             "before": self.before,
@@ -62,7 +62,7 @@ class Change:
         }
 
     def told(self) -> tuple[str, str, str]:
-        """What it was, what it is and how far that is apart, in one reader's unit."""
+        """Value before, value after and difference, as text in one common unit."""
         size = max(abs(self.from_), abs(self.to))
         values = (
             (self.from_, self.from_std),
@@ -73,13 +73,13 @@ class Change:
         return before, now, change
 
     def gap(self) -> str:
-        """The two sessions, with their dates; with the time where they are of one day."""
+        """The two sessions with their dates, and with times if both are of the same day."""
         first, last = self.when
         form = "%Y-%m-%d %H:%M" if first.date() == last.date() else "%Y-%m-%d"
         return f"{self.after} ({first:{form}}) and {self.before} ({last:{form}})"
 
     def sentence(self) -> str:
-        """For people."""
+        """The change as one sentence for people."""
         where = f" of {spoken(self.location)}" if self.location else ""
         went = "went"
         if min(self.from_, self.to) >= 0:
@@ -100,9 +100,9 @@ class History:
 
     sessions: tuple[str, ...]
     changes: tuple[Change, ...]
-    before: Array  # (sessions,) chi square a number if nothing had changed
+    before: Array  # (sessions,) chi square above that of the session's own fit, without changes
     after: Array  # (sessions,) the same with the changes
-    # clear drifts by their cause, in tolerances (typical sizes of effects) a root of a day
+    # significant drifts by cause [tolerances (typical sizes of effects) / sqrt(day)]
     drift: tuple[tuple[str, float], ...] = ()
 
     def sentences(self) -> tuple[str, ...]:
@@ -115,7 +115,7 @@ class History:
         return (*told, "no other change was found", *self._drifts())
 
     def _drifts(self) -> tuple[str, ...]:
-        """What drifts beside the changes."""
+        """Sentence about the drift in addition to the changes; none if no drift is significant."""
         if not self.drift:
             return ()
         each = ", ".join(
@@ -130,13 +130,13 @@ def find_changes(
     model: str | None = None,
     named: Callable[[str], str] = str,
 ) -> History:
-    """Search for what changed of a machine and when.
+    """Find which parameters of a machine changed, and between which sessions.
 
-    The tracker's frame and the reflector's place are each session's own. One session at least has
-    enough places for a fit by itself; others may have few.
+    Each session has its own tracker frame and reflector offset. At least one session must have
+    enough places for a fit by itself; the others may have few.
 
     Raises:
-        DataError: fewer than two sessions, or one that cannot be fitted.
+        DataError: fewer than two sessions, or a session that cannot be fitted.
     """
     if len(sessions) < 2:
         raise DataError(f"{len(sessions)} session in the history; changes need 2 or more")
@@ -165,15 +165,15 @@ def changes_of(
     named: Callable[[str], str],
     began: Sequence[datetime],
 ) -> tuple[Change, ...]:
-    """Steps in a reader's words, with the values before and behind each.
+    """Turn found steps into `Change` records, with the values before and after each step.
 
     Args:
-        steps: the sessions.
-        found: what stepped in them.
-        walk: all steps and the drift beside them.
-        causes: that the machine is known to have beside those that stepped.
-        named: the name that the robot's file has for a parameter.
-        began: of each session.
+        steps: the sessions and the candidate steps.
+        found: steps that were found.
+        walk: model with all found steps and the drift.
+        causes: causes that the machine is known to have, in addition to those that stepped.
+        named: function that gives the robot file's name of a parameter.
+        began: start time of each session.
     """
     causes = {*causes, *(steps.key(step)[0] for step in walk.steps)}
     here = np.array([k.spread == DIMENSION or k.what in causes for k in steps.kept])
@@ -189,7 +189,7 @@ def _change(
     named: Callable[[str], str],
     began: Sequence[datetime],
 ) -> Change:
-    """Values before and behind a step, by all sessions."""
+    """Make the `Change` of one step; its values before and after use all sessions."""
     kept = [steps.kept[row] for row in found.step.rows]
     rows = np.cumsum(here)[list(found.step.rows)] - 1
     gap = found.step.gap
@@ -224,7 +224,7 @@ def _change(
 
 
 def _own(walk: Walk, number: int, rows: Index) -> State:
-    """What a session says of some numbers, all others as all sessions have them."""
+    """One session's own estimate of some parameters, the others fixed at their smoothed values."""
     part, value = walk.parts[number], walk.smoothed(number).value
     left = part.right[rows] - part.information[rows] @ value
     known = np.linalg.pinv(part.information[np.ix_(rows, rows)], hermitian=True)
@@ -232,7 +232,7 @@ def _own(walk: Walk, number: int, rows: Index) -> State:
 
 
 def _size(state: State, rows: Index, scale: Array, nominal: Array) -> tuple[float, float]:
-    """A number with its standard deviation, of several the length of their vector."""
+    """A parameter and its standard deviation; of several, the norm of their vector."""
     vector = nominal + scale * state.value[rows]
     spread = scale[:, None] * state.covariance[np.ix_(rows, rows)] * scale
     if len(vector) == 1:
@@ -250,7 +250,7 @@ def _rival(steps: Steps, step: Step, probability: float) -> str:
 
 
 def _costs(walk: Walk) -> Array:
-    """By how much each session's chi square is above its own best fit, (sessions,)."""
+    """Chi square of each session above that of its own best fit, (sessions,)."""
     spread = np.diag([k.spread**-2.0 for k in walk.kept])
     costs = []
     for number, part in enumerate(walk.parts):

@@ -1,10 +1,10 @@
-"""What a machine's history says of it before it is measured again.
+"""Prior of a machine's next session, from the sessions in its history.
 
 Old sessions are linear evidence about the machine's dimensions and the effects that were found in
-it (`pooled.py`); between sessions it drifts, as fast as the history shows (`drift.py`). Where
-something stepped (`steps.py`), whether between old sessions or before the new one, what was known
-of it before is forgotten: also of what the step may have been instead. The tracker's frame and
-the reflector's place are each session's own.
+it (`pooled.py`). Between sessions the machine drifts, at the speed learnt from its history
+(`walk.py`). If a parameter stepped (`steps.py`), between old sessions or before the new one, its
+earlier estimate is discarded, and so are those of the step's rivals. Each session has its own
+tracker frame and reflector offset.
 """
 
 from __future__ import annotations
@@ -29,24 +29,24 @@ from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
-_ODD = 1e-3  # probability under which a session does not fit to what was known
+_ODD = 1e-3  # p value below which a session contradicts the prior from its history
 
 
 @dataclass(frozen=True)
 class Prospect:
-    """What old sessions say of the machine as it is now."""
+    """Prior of the machine's present parameters, from old sessions."""
 
     carried: Carried
-    speed: tuple[tuple[str, float], ...]  # of each cause, typical sizes / sqrt(day)
-    changes: tuple[Change, ...]  # that were found; what was known before them is forgotten
-    odd: float = 1.0  # by how much less the history is believed, as the new session contradicts it
+    speed: tuple[tuple[str, float], ...]  # drift of each cause [typical sizes / sqrt(day)]
+    changes: tuple[Change, ...]  # found changes; estimates from before them are discarded
+    odd: float = 1.0  # factor on the prior's covariance if the new session contradicts it
 
     def changed_now(self, session: str) -> tuple[Change, ...]:
-        """Changes in the gap before a session."""
+        """Changes in the gap just before a session."""
         return tuple(change for change in self.changes if change.before == session)
 
     def sentences(self, session: str) -> tuple[str, ...]:
-        """What of the history a fit of a session begins with, and what changed before it."""
+        """Sentences: what the fit takes over from the history, and what changed before it."""
         effects = ", ".join(spoken(effect.cause) for effect in self.carried.effects)
         names, now = self.carried.sessions, self.changed_now(session)
         told = [
@@ -60,7 +60,7 @@ class Prospect:
 
     @property
     def doubt(self) -> str:
-        """That a session and its history do not go together; empty where they do."""
+        """Warning that a session contradicts its history; empty if it does not."""
         if self.odd == 1:
             return ""
         return (
@@ -76,18 +76,18 @@ def prospect(
     new: Dated | None = None,
     model: str | None = None,
 ) -> Prospect:
-    """What to expect of a machine in its next session.
+    """Predict a machine's parameters for its next session, as the prior of that session's fit.
 
     Args:
-        sessions: of its history; those that began before the new one count.
+        sessions: sessions of its history; only those that began before the new one are used.
         robot: drawing, tolerances, tracker.
-        new: the session that is to be fitted. It tells no more than whether something changed
-            before it. Where not given, the next session is as far behind the last one as sessions
-            usually are from each other.
-        model: name of a mechanism; the robot file's own where not given.
+        new: session that is to be fitted. It is only used to find changes before it and to widen
+            the prior if it contradicts it. If None, the next session is assumed to follow the
+            last one after the median gap of the history.
+        model: name of a mechanism; by default the robot file's own.
 
     Raises:
-        DataError: no session before the new one, or one that cannot be fitted.
+        DataError: no session before the new one, or a session that cannot be fitted.
     """
     old = sorted(sessions, key=lambda each: each.began)
     if new is not None:
@@ -117,7 +117,7 @@ def prospect(
 def _believed(
     small: Pool, found: Sequence[FoundSteps], steps: Steps, walk: Walk, old: int
 ) -> Walk:
-    """The drift and steps of the model that is carried, learnt from the old sessions alone."""
+    """Reduced model with all steps and rivals; its drift is learnt from the old sessions alone."""
     row = {kept.name: number for number, kept in enumerate(small.kept)}
     stepped = [*walk.steps, *(rival for each in found for rival, _ in each.rivals)]
     forgotten = []
@@ -133,7 +133,7 @@ def _believed(
 
 
 def _next(walk: Walk, new: Dated | None) -> tuple[State, float]:
-    """What is known before the new session, believed less where that contradicts it."""
+    """Prior of the new session, and the factor by which a contradiction widens its covariance."""
     if new is None:
         usual = float(np.median(walk.days)) if len(walk.days) else 0.0
         return walk.later(usual), 1.0

@@ -1,9 +1,9 @@
-"""Sessions of few places beside whole ones, as evidence about the same machine.
+"""Sessions with few places, combined with full sessions of the same machine.
 
-A fit to few poses may end far from the machine, where nothing is linear that holds near it. Such
-a session is taken about a fit that knows roughly what the other sessions say of the dimensions. It
-adds what its own readings say and nothing else (`pooled.py`): however it was fitted, nothing of
-another session is counted with it a second time.
+A fit to few poses may end far from the true parameters, where the linearised model does not hold.
+So such a session is linearised about a fit that has a wide prior of the dimensions from the other
+sessions. Only the likelihood of its own readings is added (`pooled.py`), so the evidence of
+another session is never counted twice.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ from delta_calibration.history.walk import State, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 
-_FAST = 0.3  # [typical sizes / sqrt(day)] as if a machine drifted
+_FAST = 0.3  # [typical sizes / sqrt(day)] assumed fast drift, for the wide prior
 
 
 def places_of(survey: Survey) -> int:
-    """How many different places a session has poses at rest in."""
+    """Number of different places at which a session has poses at rest."""
     return len(np.unique(survey.poses.place))
 
 
@@ -37,15 +37,16 @@ def is_few(survey: Survey) -> bool:
 
 @one_thread()
 def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> Pool:
-    """What may change of the machine, and what each session says of it.
+    """Collect the parameters that may change, and each session's linear evidence about them.
 
     Args:
-        sessions: in the order of time; one at least has enough places for a fit by itself.
+        sessions: in order of time; at least one has enough places for a fit by itself.
         robot: drawing, tolerances, tracker.
-        model: name of a mechanism; the robot file's own where not given.
+        model: name of a mechanism; by default the robot file's own.
 
     Raises:
-        DataError: no session has enough places, one has hardly any, or is of another robot.
+        DataError: no session has enough places, or one has too few even for a fit with a prior or
+            is of another robot.
     """
     order = sorted(range(len(sessions)), key=lambda number: is_few(sessions[number].survey))
     done = [sessions[number] for number in order if not is_few(sessions[number].survey)]
@@ -65,17 +66,17 @@ def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> P
 def pool_with(
     past: Pool, done: Sequence[Dated], new: Dated, robot: Robot, model: str | None = None
 ) -> Pool:
-    """The same with one more session, which may have few places.
+    """Add one more session, which may have few places, to a pool.
 
     Args:
-        past: what other sessions say.
-        done: these sessions, in the order of `past`.
-        new: the session.
+        past: evidence of other sessions.
+        done: these other sessions, in the order of `past`.
+        new: session to be added.
         robot: drawing, tolerances, tracker.
-        model: name of a mechanism; the robot file's own where not given.
+        model: name of a mechanism; by default the robot file's own.
 
     Raises:
-        DataError: it has too few places or is of another robot.
+        DataError: the session has too few places or is of another robot.
     """
     alone = calibrated(new.survey, robot, model, FEWEST_CARRIED)
     near = solve(_roughly(past, done, new).bare.applied(alone.problem))
@@ -91,16 +92,16 @@ def pool_with(
 def pool_near(
     past: Pool, sessions: Sequence[Dated], robot: Robot, model: str | None = None
 ) -> Pool:
-    """The same, each session taken about a fit that knows roughly what the others say.
+    """Linearise each session again, about a fit with a wide prior from the other sessions.
 
-    A fit of one session by itself is off the machine along what that session hardly shows, and by
-    what its effects bend; together the sessions are sure enough for that to count.
+    A fit to one session alone is wrong along its weakly identifiable directions, and by what its
+    effects distort. Together the sessions are precise enough for these errors to matter.
 
     Args:
-        past: what the sessions say, each about its own fit.
+        past: evidence of the sessions, each linearised about its own fit.
         sessions: in the order of `past`.
         robot: drawing, tolerances, tracker.
-        model: name of a mechanism; the robot file's own where not given.
+        model: name of a mechanism; by default the robot file's own.
     """
     if len(sessions) < 2:
         return past
@@ -114,12 +115,12 @@ def pool_near(
 
 
 def carried_of(past: Pool, state: State, done: Sequence[Dated]) -> Carried:
-    """What is known of a machine, as a fit takes it.
+    """Turn a state in typical sizes into the prior of a fit, in the parameters' own units.
 
     Args:
-        past: whose numbers the state has.
-        state: what is known of them.
-        done: the sessions that say it.
+        past: pool whose parameters the state has.
+        state: mean and covariance of these parameters.
+        done: sessions that they were estimated from.
     """
     scale = np.array([kept.scale for kept in past.kept])
     nominal = np.array([kept.nominal for kept in past.kept])
@@ -133,9 +134,9 @@ def carried_of(past: Pool, state: State, done: Sequence[Dated]) -> Carried:
 
 
 def _roughly(past: Pool, done: Sequence[Dated], new: Dated) -> Carried:
-    """What is known of a machine that may have changed much since it was measured last.
+    """Wide prior of a machine that may have changed much since it was last measured.
 
-    By the sessions before the new one; those behind it, the latest first, where there are none.
+    It uses the sessions before the new one or, if there are none, the later ones, latest first.
     """
     began, parts = [each.began.timestamp() for each in done], past.parts
     times = np.array(began) - new.began.timestamp()

@@ -1,7 +1,7 @@
-"""What is done of a fleet, beside the sessions in their store: failures, and changes by machine.
+"""Progress of a fleet run, kept in the store: results, failures, and changes by machine.
 
-A result is written once: its key is the machine and the hash of the session. It is written by one
-process, each in one transaction, so that a run that is stopped goes on where it was.
+Each session has one result; its key is the machine and the hash of the session. One process writes
+all results, each in one transaction, so that an interrupted run can be resumed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _FAILURES = Table(
     _METADATA,
     Column("machine", String(_NAME), primary_key=True),
     Column("id", String(_NAME), primary_key=True),
-    Column("sha256", String(64), nullable=False),  # empty where it could not even be read
+    Column("sha256", String(64), nullable=False),  # empty if it could not even be read
     Column("told", String, nullable=False),
     Column("tried", String(40), nullable=False),  # ISO 8601, UTC
 )
@@ -48,7 +48,7 @@ _CHANGES = Table(
     Column("machine", String(_NAME), primary_key=True),
     Column("sessions_sha256", String(64), nullable=False),  # of the sessions that were compared
     Column("changes", JSON, nullable=False),
-    Column("told", String, nullable=False),  # why there are none, where it failed
+    Column("told", String, nullable=False),  # error message if the comparison failed
 )
 _ONCE = Index("one_result", SESSIONS.c.machine, SESSIONS.c.sha256, unique=True)
 
@@ -65,19 +65,19 @@ class Failure:
 
 @dataclass(frozen=True)
 class Compared:
-    """What changed of a machine, by all its sessions up to then."""
+    """Changes of a machine, from a comparison of all its sessions so far."""
 
     machine: str
     sessions_sha256: str
     changes: tuple[dict[str, Any], ...]
-    told: str = ""  # why it could not be found out
+    told: str = ""  # error message if the comparison failed
 
 
 class Ledger:
-    """A store of a history, with what is known to be done of a fleet."""
+    """A store of a history, with the progress of fleet runs in additional tables."""
 
     def __init__(self, store: Store) -> None:
-        """Take a store; the ledger's own tables are made where they are not there yet."""
+        """Use a store; the ledger's own tables are created if they are missing."""
         self.store = store
         with store.transaction() as connection:
             _METADATA.create_all(connection)
@@ -87,9 +87,9 @@ class Ledger:
         """Hashes of a machine's sessions that need no more work.
 
         Args:
-            machine: its name.
-            quick: whether a fit is all that is asked; else a verdict is, but of updates, of which
-                none can be made.
+            machine: name of the machine.
+            quick: whether a fit is enough; otherwise a session needs a verdict, except updates,
+                which cannot have one.
         """
         here = SESSIONS.c.machine == machine
         query = select(SESSIONS.c.sha256).where(here)
@@ -102,26 +102,26 @@ class Ledger:
             return frozenset(connection.execute(query).scalars())
 
     def taken(self, entry: Entry) -> bool:
-        """Whether another session of the machine has that id."""
+        """Whether another session of the machine already has the entry's id."""
         here = (SESSIONS.c.machine == entry.machine) & (SESSIONS.c.id == entry.id)
         with self.store.transaction() as connection:
             known = connection.execute(select(SESSIONS.c.sha256).where(here)).scalar()
         return known not in (None, entry.sha256)
 
     def made_for(self) -> dict[str, tuple[str, str]]:
-        """Robot and its hash of every machine that has sessions."""
+        """Robot and robot hash of every machine that has sessions, by machine name."""
         query = select(MACHINES.c.name, MACHINES.c.robot, MACHINES.c.robot_sha256)
         with self.store.transaction() as connection:
             return {r.name: (r.robot, r.robot_sha256) for r in connection.execute(query)}
 
     def failures(self) -> tuple[Failure, ...]:
-        """All sessions without a result."""
+        """All failed sessions, by machine."""
         with self.store.transaction() as connection:
             rows = connection.execute(select(_FAILURES).order_by(_FAILURES.c.machine))
             return tuple(Failure(r.machine, r.id, r.sha256, r.told) for r in rows)
 
     def keep(self, entry: Entry, robot: str, robot_sha256: str) -> bool:
-        """Write the result of a session, unless it is there; whether it was written."""
+        """Write a new result, or add a verdict to a fit; returns whether something was written."""
         here = (SESSIONS.c.machine == entry.machine) & (SESSIONS.c.sha256 == entry.sha256)
         with self.store.transaction() as connection:
             _forget_failure(connection, entry.machine, entry.id)
@@ -136,7 +136,7 @@ class Ledger:
             return True
 
     def fail(self, failure: Failure) -> None:
-        """Write that a session gave no result."""
+        """Record that a session gave no result, and why."""
         with self.store.transaction() as connection:
             _forget_failure(connection, failure.machine, failure.id)
             connection.execute(
@@ -162,7 +162,7 @@ class Ledger:
             return {each.machine: each for each in found}
 
     def keep_compared(self, found: Compared) -> None:
-        """Write what changed of a machine, in the place of what was known before."""
+        """Write the comparison of a machine's sessions, replacing the last one."""
         with self.store.transaction() as connection:
             connection.execute(delete(_CHANGES).where(_CHANGES.c.machine == found.machine))
             connection.execute(
@@ -176,7 +176,7 @@ class Ledger:
 
 
 def hash_of_sessions(hashes: Iterable[str]) -> str:
-    """What stands for a set of sessions."""
+    """Hash of a set of sessions, independent of their order."""
     return hashlib.sha256("\n".join(sorted(hashes)).encode()).hexdigest()
 
 

@@ -1,4 +1,4 @@
-"""Opening a store where its library may be missing."""
+"""Open a store, or explain that SQLAlchemy is not installed."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from delta_calibration.errors import InputError
 
-if TYPE_CHECKING:  # others do not wait for a database's library
+if TYPE_CHECKING:  # so that other commands need not import the database library
     from delta_calibration.history.store import Store
 
 
 def require_library() -> None:
-    """Refuse in words what needs SQLAlchemy, where that is not there.
+    """Raise a clear error if SQLAlchemy is not installed.
 
     Raises:
         InputError: no SQLAlchemy.
@@ -28,7 +28,7 @@ def require_library() -> None:
 
 
 def opened(url: str, make: bool = False) -> AbstractContextManager[Store]:
-    """The store, see `open_store`.
+    """Open a store, see `open_store`.
 
     Raises:
         InputError: no SQLAlchemy.

@@ -1,17 +1,17 @@
 """Sessions of one machine as linear evidence about the same parameters.
 
-About its own fit each session k says
+Linearised about its own fit, the residuals of session k are
 
     r_k = X_k x_k + A_k z_k + noise
 
-with x_k the machine at that time (dimensions and effects), z_k what belongs to the session alone:
-the tracker's frame, the reflector's place on the platform, and what was found to act on readings
-or by the session's own clock. With z_k integrated out nothing but information and its vector is
-left of a session (`linear_model.py`), which is all that a comparison over months needs:
+with x_k the parameters of the machine at that time (dimensions and effects) and z_k the nuisance
+parameters of the session: the tracker's frame, the reflector's offset, and effects that were found
+to act on readings or by the session's own clock. With z_k integrated out, an information matrix
+and a vector remain of a session (`linear_model.py`), all that a comparison over months needs:
 
     H_k = X_k^T V_k^-1 X_k,    b_k = X_k^T V_k^-1 r_k
 
-Sessions of few places are told of in `few.py`.
+Sessions with few places are handled in `few.py`.
 """
 
 from __future__ import annotations
@@ -40,41 +40,41 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Dated:
-    """A session of a machine."""
+    """A session of a machine with its start time."""
 
     name: str  # its id in the history
     began: datetime
     survey: Survey
-    effects: tuple[Effect, ...] = ()  # that its own diagnosis found
+    effects: tuple[Effect, ...] = ()  # found by its own diagnosis
 
 
 @dataclass(frozen=True)
 class Said:
-    """What a session says of all numbers of the machine, before it is judged what fits."""
+    """Evidence of a session about all parameters of the machine, before its misfit is judged."""
 
     name: str
     information: Array  # (q, q) H
     right: Array  # (q,) b
     square: float  # r^T V^-1 r
-    degrees: float  # of freedom of the residuals
+    degrees: float  # degrees of freedom of the residuals
 
 
 @dataclass(frozen=True)
 class Pool:
-    """Sessions of one machine as linear evidence about the same numbers."""
+    """Evidence of several sessions about the same parameters of one machine."""
 
     kept: tuple[Kept, ...]
     said: tuple[Said, ...]
-    effects: tuple[Effect, ...]  # of the machine, in the order of `kept` behind its dimensions
-    visit: tuple[Effect, ...]  # of single sessions
+    effects: tuple[Effect, ...]  # of the machine, in the order of `kept` after the dimensions
+    visit: tuple[Effect, ...]  # nuisance effects of single sessions
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """Each session's information, less where even its own fit misses more than noise does."""
+        """Each session's evidence, scaled down if even its own fit exceeds the noise."""
         return tuple(_believed(said, self.kept) for said in self.said)
 
     def only(self, causes: Collection[str]) -> Pool:
-        """The same of the dimensions and of these effects, all others taken for nothing."""
+        """The pool with the dimensions and these effects only; all other effects are set to 0."""
         effects = tuple(effect for effect in self.effects if effect.cause in causes)
         here = np.array([k.spread == DIMENSION or k.what in causes for k in self.kept])
         rows = np.flatnonzero(here)
@@ -87,12 +87,12 @@ class Pool:
 
 @one_thread()
 def pool_whole(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> Pool:
-    """What may change of the machine, and what each session says of it about its own fit.
+    """Collect the parameters that may change, and each session's evidence about its own fit.
 
     Args:
-        sessions: in the order of time.
+        sessions: in order of time.
         robot: drawing, tolerances, tracker.
-        model: name of a mechanism; the robot file's own where not given.
+        model: name of a mechanism; by default the robot file's own.
 
     Raises:
         DataError: a session has too few poses or is of another robot.
@@ -113,9 +113,9 @@ def pool_whole(sessions: Sequence[Dated], robot: Robot, model: str | None = None
 def _effects(
     sessions: Sequence[Dated], models: Sequence[Model], robot: Robot
 ) -> tuple[list[Effect], list[Effect]]:
-    """Effects of the machine, and those of single sessions that a diagnosis found.
+    """List the effects of the machine, and those of single sessions that a diagnosis found.
 
-    An effect that was found keeps the shape of the first session that found it.
+    A found effect has the shape from the first session that found it.
     """
     every = {e.cause: e for e in catalogue(robot, models[0].bare.mechanism)}
     found = {e.cause: e for each in reversed(sessions) for e in each.effects}
@@ -130,7 +130,7 @@ def _effects(
 
 
 def _of_a_visit(effect: Effect) -> bool:
-    """Whether it is the tracker's or ends with the session: never a change of the machine."""
+    """Whether an effect is the tracker's or ends with the session, so no change of the machine."""
     return effect.stage is Stage.MEASUREMENT or effect.bound_to_session
 
 
@@ -142,7 +142,7 @@ def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
     return (
         *dimensions,
         *(
-            # sine and cosine of one joint are one thing
+            # one group for an effect at one location, such as the sine and cosine of a joint
             Kept(p.name, e.cause, p.location, p.unit, 0.0, p.prior, SPREAD, (e.cause, p.location))
             for e in effects
             for p in e.parameters
@@ -153,7 +153,7 @@ def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
 def _alone(
     model: Model, machine: Sequence[Effect], visit: Sequence[Effect]
 ) -> tuple[LinearizedModel, Array]:
-    """A session's evidence with nothing but its own as nuisance, and the machine's columns."""
+    """Linear model with the session's own nuisance parameters, and the machine's columns."""
     evidence = model.evidence
     columns = np.concatenate(
         [evidence.geometry, *(evidence.columns(effect) for effect in machine)], axis=1
@@ -166,13 +166,13 @@ def _alone(
 
 
 def said_by(name: str, model: Model, machine: Sequence[Effect], visit: Sequence[Effect]) -> Said:
-    """What a session says of the machine, about a fit of it.
+    """Compute a session's evidence about the machine, linearised about a fit.
 
     Args:
-        name: of the session.
+        name: id of the session.
         model: the fit.
         machine: effects that the machine may have.
-        visit: effects that were found to be of single sessions.
+        visit: effects of single sessions, as nuisance parameters.
     """
     evidence, columns = _alone(model, machine, visit)
     weighed = evidence.weigh(evidence.column)[:, 0]
@@ -181,7 +181,7 @@ def said_by(name: str, model: Model, machine: Sequence[Effect], visit: Sequence[
 
 
 def _believed(said: Said, kept: Sequence[Kept]) -> Part:
-    """The session's information, less where even its own fit misses more than noise explains."""
+    """A session's evidence, divided by the reduced chi square of its own fit if that exceeds 1."""
     information, right = said.information, said.right
     normal = information + np.diag([k.spread**-2.0 for k in kept])
     x = np.linalg.solve(normal, right)

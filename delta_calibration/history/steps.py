@@ -1,17 +1,17 @@
-"""What stepped between which sessions, by evidence.
+"""Search for steps of parameters between sessions, by Bayes factors.
 
 A step of parameters R in a gap, with all else integrated out, has a vector g and an information S
-(`walk.py`) and, its size s anywhere in three decades, the Bayes factor
+(`walk.py`). With its size s anywhere within three decades, its Bayes factor against no step is
 
     ln B = g^T (S + 1/s^2)^-1 g / 2 - ln det(1 + s^2 S) / 2         averaged over s
 
-against none. What the machine constantly is, whether in the drawing, found by a diagnosis or
-neither, costs a step nothing: differences count. A step pays for the choice among all causes,
-places and gaps by its prior. Greedy forward, each step looked at again by the others.
+Constant errors of the machine, known or unknown, do not influence a step: only differences
+between sessions count. The prior of a step accounts for the number of causes, locations and gaps
+it was chosen from. The search is greedy forward; each step is checked again given the others.
 
-First as if nothing drifted; then it is learnt how fast the machine drifts beside those steps, and
-what the drift does as well is no step; then beside the drift. A drift that was learnt first would
-take a step for its own where there are few sessions.
+The first search assumes no drift. Then the speed of the drift is learnt given those steps, and
+steps that the drift explains as well are removed; then the search is repeated with this drift. If
+the drift were learnt first, it would explain a step as drift when there are few sessions.
 """
 
 from __future__ import annotations
@@ -30,47 +30,47 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 _CHANGES = 0.05  # probability of a change in a gap before anything was measured
-_SURE = 0.99  # that there was one, for it to be told
+_SURE = 0.99  # least probability of a step for it to be reported
 _SIZES = 5.0 * np.logspace(-3, 0, 7)  # s, in typical sizes
-_MOST = 8  # steps that are looked for
-# Share of the strongest step's lambda from which on another is told: about a fit all is taken for
-# linear, and what a step leaves of that looks like weaker ones.
+_MOST = 8  # most steps that are searched for
+# Least lambda of a reported step, as a share of the strongest one's: the model is linearised about
+# a fit, and the linearisation error of a strong step looks like weaker steps.
 _LINEAR = 1e-3
-_NOTHING = 1e-6  # information that tells nothing
-_KNOWN = 10.0  # times as likely is a change of what the machine is known to have
-_LIKE = 0.02  # probability from which on a rival is told
+_NOTHING = 1e-6  # information at or below this identifies nothing
+_KNOWN = 10.0  # factor on the prior of a change of a cause that the machine is known to have
+_LIKE = 0.02  # least probability of a rival that is reported
 
 
 @dataclass(frozen=True)
 class FoundSteps:
-    """A step in the history, and how sure it is."""
+    """A step in the history, with its probability and its rivals."""
 
     step: Step
-    confidence: float  # of cause, place and gap
-    happened: float  # that anything changed there at all
+    confidence: float  # probability of cause, location and gap
+    happened: float  # probability of any step, against none
     rivals: tuple[tuple[Step, float], ...]  # other causes or gaps, with their probability
     signal: float  # lambda, decrease of chi square
 
 
 @dataclass(frozen=True)
 class Steps:
-    """A history of sessions, to be explained by drift and steps."""
+    """Search for drift and steps that explain a history of sessions."""
 
     kept: tuple[Kept, ...]
     parts: tuple[Part, ...]
     known: frozenset[str] = frozenset()  # causes that a diagnosis found in the machine
-    days: tuple[float, ...] | None = None  # between sessions; None: nothing is taken to drift
+    days: tuple[float, ...] | None = None  # between sessions; None: no drift is assumed
 
     @cached_property
     def still(self) -> Walk:
-        """The sessions of a machine that neither drifts nor changes."""
+        """Model of a machine that neither drifts nor changes."""
         gaps = len(self.parts) - 1
         days = np.zeros(gaps) if self.days is None else np.array(self.days)
         return Walk(self.kept, self.parts, days)
 
     @cached_property
     def candidates(self) -> tuple[Step, ...]:
-        """All that could have stepped."""
+        """All candidate steps: each identifiable group of parameters in each gap."""
         groups: dict[tuple[str | None, ...], list[int]] = {}
         for row, kept in enumerate(self.kept):
             groups.setdefault(kept.group, []).append(row)
@@ -84,7 +84,7 @@ class Steps:
 
     @cached_property
     def _log_prior(self) -> Array:
-        """Of each candidate: causes and places alike, and what is of one place shares it."""
+        """Log prior of each candidate: equal per cause and location, shared by its groups."""
         names = [self.key(step)[:2] for step in self.candidates]
         places = len(set(names))
         gaps = len(self.parts) - 1
@@ -93,12 +93,12 @@ class Steps:
         return np.log(_CHANGES / places / share) + np.where(known, np.log(_KNOWN), 0.0)
 
     def key(self, step: Step) -> tuple[str, str | None, int]:
-        """What is told of a step: cause, place, gap."""
+        """Cause, location and gap of a step."""
         kept = self.kept[step.rows[0]]
         return kept.what, kept.location, step.gap
 
     def search(self) -> tuple[tuple[FoundSteps, ...], Walk]:
-        """The steps that happened, in the order of their gaps, and the drift beside them."""
+        """Find the steps, in the order of their gaps; also returns the model with the drift."""
         if not self.candidates:
             return (), self.still if self.days is None else self.still.learnt()
         walk = self._forward(self.still)
@@ -111,7 +111,7 @@ class Steps:
         return tuple(sorted(told, key=lambda each: each.step.gap)), walk
 
     def _forward(self, walk: Walk) -> Walk:
-        """With all steps that are sure beside the others."""
+        """Add steps to a model, one by one, as long as they are probable enough."""
         while len(walk.steps) < _MOST:
             best, happened = self._best(walk)
             if happened < _SURE or best in walk.steps:
@@ -120,7 +120,7 @@ class Steps:
         return walk
 
     def _again(self, walk: Walk) -> Walk:
-        """Each step but the last sought anew beside the others; gone where they explain it."""
+        """Search each step but the last again given the others; drop it if they explain it."""
         for step in walk.steps[:-1]:
             rest = _less(walk, step)
             best, happened = self._best(rest)
@@ -129,7 +129,7 @@ class Steps:
         return walk
 
     def _weeded(self, walk: Walk) -> Walk:
-        """Without steps that the drift does as well, the least likely first."""
+        """Remove steps that the drift explains as well, the least likely first."""
         while walk.steps:
             odds = [self._odds(_less(walk, step), step.gap) for step in walk.steps]
             weakest = int(np.argmin(odds))
@@ -139,7 +139,7 @@ class Steps:
         return walk
 
     def _odds(self, walk: Walk, gap: int) -> float:
-        """ln of how much likelier a step in a gap is than none."""
+        """Log odds of any step in a gap against none."""
         here = np.array([step.gap == gap for step in self.candidates])
         return float(logsumexp((self._log_bayes(walk) + self._log_prior)[here]))
 
@@ -171,13 +171,13 @@ class Steps:
         )
 
     def _posterior(self, walk: Walk) -> tuple[Array, float]:
-        """Probability of each candidate beside steps and drift that are known, and of none."""
+        """Probability of each further candidate given a model, and of no further step."""
         every = np.append(self._log_bayes(walk) + self._log_prior, 0.0)
         p = np.exp(every - logsumexp(every))
         return p[:-1], float(p[-1])
 
     def _log_bayes(self, walk: Walk) -> Array:
-        """ln B of each candidate beside what is known."""
+        """ln B of each candidate given the steps and the drift of a model."""
         r, n = (np.array(each) for each in zip(*walk.back, strict=True))
         found = np.empty(len(self.candidates))
         for numbers, rows, gaps in self._sizes:
@@ -187,7 +187,7 @@ class Steps:
 
     @cached_property
     def _sizes(self) -> list[tuple[Index, Index, Index]]:
-        """Candidates that step by as many numbers: which, their rows and sessions behind them."""
+        """Candidates by number of parameters: their indices, rows, and first sessions after."""
         found = []
         for numbers, rows in by_size([step.rows for step in self.candidates]):
             found.append((numbers, rows, np.array([self.candidates[i].gap + 1 for i in numbers])))
@@ -195,7 +195,7 @@ class Steps:
 
 
 def by_size(groups: Sequence[Sequence[int]]) -> list[tuple[Index, Index]]:
-    """Groups of numbers by how many they are: which groups, and their numbers (n, size)."""
+    """Sort groups by size; of each size the indices of its groups (n,) and members (n, size)."""
     sizes = np.array([len(group) for group in groups])
     found = []
     for size in np.unique(sizes):

@@ -1,9 +1,9 @@
-"""The store of a history: machines and their sessions, with what a diagnosis made of each.
+"""The store of a history: machines and their sessions, with the calibration and verdict of each.
 
-A session is a folder by its path, or its URL on any file system that fsspec knows (`bags.py`), and
-the SHA-256 of what is in it; calibration and verdict are kept as the JSON text of their files. A
-store has a version; an older one is brought up by `UPGRADES`, step by step in one transaction, and
-a newer one is refused.
+A session is stored as the path of its folder, or its URL on any file system that fsspec supports
+(`bags.py`), and the SHA-256 of its content. Calibration and verdict are stored as the JSON text of
+their files. A store has a version: an older one is upgraded by `UPGRADES`, step by step in one
+transaction, and a newer one is refused.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from delta_calibration.estimation import PRIOR_HISTORY
 from delta_calibration.history.bags import bag_hash, is_there
 
 VERSION = 2
-BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # who adds sessions
+BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # programs that add sessions
 UPDATED = "update: fitted with what the history says"
 _NAME = 255
 _POSTGRESQL = ("postgresql", "postgres")
@@ -53,7 +53,7 @@ MACHINES = Table(
     "machines",
     _METADATA,
     Column("name", String(_NAME), primary_key=True),
-    Column("robot", String, nullable=False),  # file or name, as it was given
+    Column("robot", String, nullable=False),  # file or name, as given by the user
     Column("robot_sha256", String(64), nullable=False),
 )
 SESSIONS = Table(
@@ -65,7 +65,7 @@ SESSIONS = Table(
     Column("sha256", String(64), nullable=False),
     Column("began", String(40), nullable=False),  # ISO 8601, UTC
     Column("added", String(40), nullable=False),
-    Column("topics", JSON, nullable=False),  # of another name, as STREAM=TOPIC
+    Column("topics", JSON, nullable=False),  # topics with non-standard names, as STREAM=TOPIC
     Column("calibration", JSON, nullable=False),
     Column("verdict", JSON, nullable=True),
     Column("added_by", String(_NAME), nullable=False, server_default=BY_COMMAND),
@@ -73,7 +73,7 @@ SESSIONS = Table(
 
 
 def _who_added(connection: Connection) -> None:
-    """Version 2: by which program a session was added."""
+    """Upgrade to version 2: a column for the program that added a session."""
     connection.execute(
         text(
             f"ALTER TABLE sessions ADD COLUMN added_by VARCHAR({_NAME}) NOT NULL "
@@ -82,7 +82,7 @@ def _who_added(connection: Connection) -> None:
     )
 
 
-# from a version to the next one
+# function that upgrades a store from this version to the next
 UPGRADES: Mapping[int, Callable[[Connection], None]] = {1: _who_added}
 
 
@@ -92,7 +92,7 @@ class Entry:
 
     machine: str
     id: str
-    path: str  # of its folder, or its URL
+    path: str  # path or URL of its folder
     sha256: str
     began: datetime
     added: datetime
@@ -103,12 +103,12 @@ class Entry:
 
     @property
     def is_update(self) -> bool:
-        """Whether it was fitted with what the sessions before it say."""
+        """Whether it was fitted with earlier sessions as prior."""
         return bool(self.calibration["provenance"].get("prior") == PRIOR_HISTORY)
 
     @property
     def found(self) -> str:
-        """The causes that its verdict names, as words."""
+        """The causes that its verdict names, in words."""
         if self.verdict is None:
             return UPDATED if self.is_update else "no causes looked for"
         named = [
@@ -119,17 +119,18 @@ class Entry:
 
     @property
     def error_left_mm(self) -> float:
-        """Error that its model leaves at places it has not seen, as a fit tells it [mm].
+        """Error left of its fit: RMS error at places that the fit has not seen [mm].
 
-        Of every session, diagnosed or not: a verdict's held-out errors are of whole sectors.
+        Every session has it, with or without a diagnosis. It differs from the held-out error of a
+        verdict, which holds out whole sectors.
         """
         return float(self.calibration["residuals"]["full"]["error_left_rms_mm"])
 
     def require_unchanged(self) -> None:
-        """Refuse a session that is not where it was, or not what it was.
+        """Refuse a session whose bag was moved or changed.
 
         Raises:
-            InputError: says which, and what mends it.
+            InputError: says which of the two, and how to repair it.
         """
         if not is_there(self.path):
             raise InputError(
@@ -147,20 +148,20 @@ class Store:
     """A database of machines and sessions."""
 
     def __init__(self, engine: Engine, name: str) -> None:
-        """Take a database that is of the present version; see `open_store`."""
+        """Use a database of the present version; see `open_store`."""
         self._engine, self._name = engine, name
 
     @property
     def name(self) -> str:
-        """What it is called: its file, or its URL without a password."""
+        """Name of the store: its file, or its URL without a password."""
         return self._name
 
     @contextmanager
     def transaction(self) -> Iterator[Connection]:
-        """All that is written within, or nothing; errors of the database are told as ours.
+        """Write everything within the context or nothing; turns database errors into `InputError`.
 
         Raises:
-            InputError: the database refuses it.
+            InputError: the database reports an error.
         """
         with _told(self._name), self._engine.begin() as connection:
             yield connection
@@ -198,14 +199,14 @@ class Store:
             return tuple(_entry(row._asdict()) for row in rows)
 
     def require_robot(self, machine: str, robot: str) -> None:
-        """Refuse another robot than that of a machine.
+        """Refuse a robot file that is not that of the machine.
 
         Args:
-            machine: its name.
+            machine: name of the machine.
             robot: hash of the robot's file.
 
         Raises:
-            InputError: no such machine, or it is of another robot.
+            InputError: no such machine, or the machine is of another robot.
         """
         known, made_for = self.robot_of(machine)
         if made_for != robot:
@@ -216,14 +217,14 @@ class Store:
             )
 
     def require_new(self, machine: str, robot: str, sha256: str, path: str, name: str) -> bool:
-        """Refuse what cannot be added; whether it is a session whose folder was moved here.
+        """Refuse a session that cannot be added; returns whether it is a known one that was moved.
 
         Args:
-            machine: its name.
+            machine: name of the machine.
             robot: hash of the robot's file.
-            sha256: of the session.
-            path: of the session.
-            name: its id.
+            sha256: hash of the session.
+            path: path or URL of the session.
+            name: id of the session.
 
         Raises:
             InputError: another robot's file, the same session twice, or an id that is taken.
@@ -247,19 +248,19 @@ class Store:
         return False
 
     def moved(self, machine: str, sha256: str, path: str) -> None:
-        """Note where a session is now."""
+        """Store the new path of a session that was moved."""
         here = (SESSIONS.c.machine == machine) & (SESSIONS.c.sha256 == sha256)
         with _told(self._name), self._engine.begin() as connection:
             connection.execute(update(SESSIONS).where(here).values(path=path))
 
     def add(self, entry: Entry, robot: str, robot_sha256: str) -> None:
-        """Add a session, and its machine where it is the first."""
+        """Add a session, and its machine if it is the machine's first session."""
         with self.transaction() as connection:
             insert_entry(connection, entry, robot, robot_sha256)
 
 
 def insert_entry(connection: Connection, entry: Entry, robot: str, robot_sha256: str) -> None:
-    """Add a session within a transaction, and its machine where it is the first."""
+    """Add a session within a transaction, and its machine if it is the machine's first session."""
     known = select(MACHINES.c.name).where(MACHINES.c.name == entry.machine)
     if connection.execute(known).first() is None:
         machine = {"name": entry.machine, "robot": robot, "robot_sha256": robot_sha256}
@@ -285,11 +286,11 @@ def open_store(url: str, make: bool = False) -> Iterator[Store]:
     """Open a store: the file of an SQLite database, or a URL as SQLAlchemy takes it.
 
     Args:
-        url: where it is.
-        make: whether to make one where none is; else that is an error.
+        url: file or URL of the store.
+        make: whether to create the store if it is missing; otherwise that is an error.
 
     Raises:
-        InputError: cannot be opened, is no history, or is of a newer version.
+        InputError: it cannot be opened, is not a history, or has a newer version.
     """
     file = None if "://" in url else Path(url)
     if file is not None and not make and not file.is_file():
@@ -308,7 +309,7 @@ def open_store(url: str, make: bool = False) -> Iterator[Store]:
 
 
 def _engine(url: str, file: Path | None) -> tuple[Engine, str]:
-    """The database, and its name without a password."""
+    """Create the database engine; also returns its URL without the password."""
     try:
         if file is not None:
             return create_engine(f"sqlite:///{file}"), url
@@ -330,7 +331,7 @@ def _foreign_keys(connection: Any, _: Any) -> None:
 
 
 def _bring_up(connection: Connection, url: str, make: bool) -> None:
-    """A store of the present version in an empty database, or of an older one."""
+    """Create the tables in an empty database, or upgrade an older store."""
     tables = inspect(connection).get_table_names()
     if _VERSION.name not in tables:
         if tables or not make:
@@ -366,7 +367,7 @@ def _entry(row: Mapping[str, Any]) -> Entry:
 
 @contextmanager
 def _told(url: str) -> Iterator[None]:
-    """Errors of the database as ours."""
+    """Turn errors of the database into `InputError`."""
     try:
         yield
     except (SQLAlchemyError, json.JSONDecodeError) as error:

@@ -1,24 +1,24 @@
-"""A machine from session to session: it drifts, and now and then something steps.
+"""Random-walk model of a machine over its sessions: slow drift, and occasional steps.
 
-    x_k+1 = x_k + w_k,   w_k ~ N(0, Q_k),   Q_k = s_c^2 dt_k for every number of class c
-    session k says b_k = H_k x_k + noise of covariance H_k                 (`pooled.py`)
+    x_k+1 = x_k + w_k,   w_k ~ N(0, Q_k),   Q_k = s_c^2 dt_k for every parameter of class c
+    session k observes b_k = H_k x_k + noise of covariance H_k             (`pooled.py`)
 
-x in typical sizes, dt in days; a class is a cause by its fixed name (all arm lengths, all zeros).
-Where something stepped in a gap, Q_k of it is as large as a step may be: what was known of it
-before is forgotten, and the step says nothing about how fast the machine drifts.
+x is in typical sizes, dt in days; a class is a cause by its fixed name (all arm lengths, all
+zeros). For a parameter that stepped in a gap, Q_k is as large as a step may be: its earlier
+estimate is discarded, and the step does not influence the speed of the drift.
 
-Forward by a Kalman filter, in terms of information,
+The forward pass is a Kalman filter in terms of information,
 
     P+ = P (1 + H P)^-1,   x+ = x + P+ (b - H x)
     2 ln L = sum of (b - H x)^T P+ (b - H x) + 2 b^T x - x^T H x - ln det(1 + P H)
 
-and back by the smoother of its disturbances (de Jong 1989, JASA 84, 1085-1088),
+and the backward pass is the disturbance smoother (de Jong 1989, JASA 84, 1085-1088),
 
     r- = (1 + H P)^-1 (b - H x + r),   N- = (1 + H P)^-1 (H + N (1 + P H)^-1)
 
-A further shift of some numbers in a gap has the information N and the vector r of that gap, all
-else integrated out (de Jong and Penzer 1998, JASA 93, 796-806); and (r r^T - N) / 2 is the slope
-of ln L by Q (Koopman and Shephard 1992, Biometrika 79, 823-826), from which s_c are learnt.
+A further shift of some parameters in a gap has the information N and the vector r of that gap, all
+else integrated out (de Jong and Penzer 1998, JASA 93, 796-806). The gradient of ln L with respect
+to Q is (r r^T - N) / 2 (Koopman and Shephard 1992, Biometrika 79, 823-826); s_c are learnt by it.
 """
 
 from __future__ import annotations
@@ -32,42 +32,42 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-DIMENSION = 1.0  # spread of a dimension, in typical sizes; effects have a wider one
-_STEP = 5.0  # standard deviation of a step that is known, in typical sizes
-# s is expected around this, within a factor of e^2 or so: a twentieth of a typical size a month
+DIMENSION = 1.0  # prior spread of a dimension, in typical sizes; effects have a wider one
+_STEP = 5.0  # standard deviation of a step that was found, in typical sizes
+# log-normal prior of s: about a twentieth of a typical size a month, within a factor of e^2 or so
 _USUAL, _LOG_SPREAD = 0.01, 2.0
 _LEAST, _MOST = 1e-4, 3.0  # [typical sizes / sqrt(day)]
-_CLEAR = 6.0  # of ln L, by which a drift is likelier than none for it to be told
-_SHORT = 1.0 / 24  # [days] sessions closer than that are taken for as far apart
+_CLEAR = 6.0  # least gain in ln L of a drift for it to be reported
+_SHORT = 1.0 / 24  # [days] least gap between sessions that the drift is computed for
 
 
 @dataclass(frozen=True)
 class Kept:
-    """A number that a machine keeps from session to session unless it changes."""
+    """A parameter of the machine that stays the same from session to session unless it changes."""
 
     name: str
-    what: str  # cause, by the fixed names
+    what: str  # fixed name of the cause
     location: str | None
     unit: str
     nominal: float
     scale: float  # its typical size
-    spread: float  # standard deviation of what it constantly is, in typical sizes
-    group: tuple[str | None, ...]  # numbers of one group step together
+    spread: float  # prior standard deviation of its constant value, in typical sizes
+    group: tuple[str | None, ...]  # parameters of one group step together
 
 
 @dataclass(frozen=True)
 class Part:
-    """What a session says of x in typical sizes, all of its own integrated out."""
+    """Evidence of a session about x in typical sizes, its nuisance parameters integrated out."""
 
     name: str
-    information: Array  # (q, q)
-    right: Array  # (q,)
-    misfit: float = 1.0  # by which it was believed less
+    information: Array  # (q, q) H
+    right: Array  # (q,) b
+    misfit: float = 1.0  # factor that H and b were divided by
 
 
 @dataclass(frozen=True)
 class Step:
-    """A change of some numbers in the gap behind session `gap` (0 is the first)."""
+    """A change of some parameters in the gap after session `gap` (0 is the first)."""
 
     rows: tuple[int, ...]
     gap: int
@@ -75,23 +75,23 @@ class Step:
 
 @dataclass(frozen=True)
 class State:
-    """What is known of the machine's numbers in typical sizes."""
+    """Mean and covariance of the machine's parameters, in typical sizes."""
 
     value: Array  # (q,)
     covariance: Array  # (q, q)
 
     def told(self, part: Part) -> State:
-        """The same with what a session says."""
+        """The state after an update with a session (Kalman filter)."""
         after = self.covariance @ np.linalg.inv(_one_and(part.information @ self.covariance))
         after = (after + after.T) / 2
         return State(self.value + after @ (part.right - part.information @ self.value), after)
 
     def wider(self, variance: Array) -> State:
-        """The same with more that may have changed since, (q,)."""
+        """The state with additional variance (q,) of drift or steps."""
         return State(self.value, self.covariance + np.diag(variance))
 
     def log_likelihood(self, part: Part) -> float:
-        """Of a session that is not known yet, but for a constant of the session's own."""
+        """ln L of a session that is not in the state yet, up to a constant of that session."""
         b, x = part.right, self.value
         u = b - part.information @ x
         gain = u @ self.told(part).covariance @ u
@@ -99,7 +99,7 @@ class State:
         return float(gain + 2 * b @ x - x @ part.information @ x - size) / 2
 
     def surprise(self, part: Part) -> tuple[float, int]:
-        """Chi square of a session that is not known yet, and its degrees of freedom."""
+        """Chi square of a session that is not in the state yet, and its degrees of freedom."""
         values, axes = np.linalg.eigh(part.information)
         told = values > _NOTHING * values.max(initial=0.0)
         root = np.sqrt(values[told])
@@ -109,30 +109,30 @@ class State:
         return float(off @ np.linalg.solve(spread, off)), len(root)
 
 
-_NOTHING = 1e-9  # of the largest information
+_NOTHING = 1e-9  # share of the largest eigenvalue of the information that counts as zero
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Sessions of a machine, how fast its numbers drift, and what stepped."""
+    """Model of a machine over its sessions, with given drift speeds and steps."""
 
     kept: tuple[Kept, ...]
     parts: tuple[Part, ...]
-    days: Array  # (gaps,) between two sessions that follow each other
+    days: Array  # (gaps,) between consecutive sessions
     steps: tuple[Step, ...] = ()
-    speed: tuple[tuple[str, float], ...] = ()  # of each class that is known to drift
+    speed: tuple[tuple[str, float], ...] = ()  # s of each class that drifts
 
     @cached_property
     def classes(self) -> tuple[str, ...]:
-        """Causes by their fixed names, in the order of the numbers."""
+        """Fixed names of the causes, in the order of the parameters."""
         return tuple(dict.fromkeys(k.what for k in self.kept))
 
     def stepped(self, steps: Iterable[Step]) -> Walk:
-        """The same with these steps instead."""
+        """The model with these steps in place of its own."""
         return replace(self, steps=tuple(steps))
 
     def only(self, here: NDArray[np.bool_]) -> Walk:
-        """The same of some of the numbers (q,), the others taken for nothing."""
+        """The model with the parameters of a mask (q,) only; the others are set to 0."""
         rows = np.flatnonzero(here)
         place = {int(row): number for number, row in enumerate(rows)}
         steps = (
@@ -152,7 +152,7 @@ class Walk:
 
     @cached_property
     def expected(self) -> tuple[State, ...]:
-        """What those before say of the machine in each session, (sessions,)."""
+        """Predicted state in each session, from the sessions before it, (sessions,)."""
         spread = np.array([k.spread for k in self.kept])
         states = [State(np.zeros(len(spread)), np.diag(spread**2))]
         for gap, part in enumerate(self.parts[:-1]):
@@ -160,7 +160,7 @@ class Walk:
         return tuple(states)
 
     def moved(self, gap: int) -> Array:
-        """Q of a gap, its diagonal, (q,)."""
+        """Diagonal of Q of a gap, (q,)."""
         added = self.drifted(float(self.days[gap]))
         for step in self.steps:
             if step.gap == gap:
@@ -168,18 +168,18 @@ class Walk:
         return added
 
     def drifted(self, days: float) -> Array:
-        """Variance of the drift in so many days, (q,)."""
+        """Variance of the drift over a number of days, (q,)."""
         speed = dict(self.speed)
         each = np.array([speed.get(k.what, 0.0) for k in self.kept])
         return np.asarray(each**2 * max(days, _SHORT))
 
     def later(self, days: float) -> State:
-        """What is known so many days behind the last session."""
+        """Predicted state a number of days after the last session."""
         return self.expected[-1].told(self.parts[-1]).wider(self.drifted(days))
 
     @cached_property
     def back(self) -> tuple[tuple[Array, Array], ...]:
-        """r and N of what comes with each session and behind it, (sessions,)."""
+        """r and N of the smoother, from each session and all after it, (sessions,)."""
         size = len(self.kept)
         r, n, found = np.zeros(size), np.zeros((size, size)), []
         for state, part in zip(reversed(self.expected), reversed(self.parts), strict=True):
@@ -191,23 +191,23 @@ class Walk:
         return tuple(reversed(found))
 
     def shift(self, step: Step) -> tuple[Array, Array]:
-        """What the sessions say of a further step: its vector (r,) and information (r, r)."""
+        """Evidence of all sessions about a further step: vector (r,) and information (r, r)."""
         r, n = self.back[step.gap + 1]
         return r[list(step.rows)], n[np.ix_(step.rows, step.rows)]
 
     def smoothed(self, session: int) -> State:
-        """What all sessions say of the machine in one of them."""
+        """State in one session, estimated from all sessions."""
         state, (r, n) = self.expected[session], self.back[session]
         p = state.covariance
         return State(state.value + p @ r, p - p @ n @ p)
 
     def change(self, gap: int) -> State:
-        """What all sessions say of what changed in a gap."""
+        """Change of the parameters in a gap, estimated from all sessions."""
         q, (r, n) = np.diag(self.moved(gap)), self.back[gap + 1]
         return State(q @ r, q - q @ n @ q)
 
     def learnt(self) -> Walk:
-        """The same with the most likely speeds."""
+        """The model with the drift speeds of the highest posterior density."""
         from scipy.optimize import minimize  # slow to load
 
         classes, usual = self.classes, np.log(_USUAL)
@@ -225,7 +225,7 @@ class Walk:
         return replace(self, speed=tuple(zip(classes, np.exp(found.x).tolist(), strict=True)))
 
     def clear(self) -> tuple[tuple[str, float], ...]:
-        """Speeds of those classes that the sessions clearly show to drift."""
+        """Speeds of the classes whose drift is significant."""
         value, _ = self._score()
         found = []
         for name, speed in self.speed:
@@ -235,7 +235,7 @@ class Walk:
         return tuple(found)
 
     def _score(self) -> tuple[float, Array]:
-        """ln L, and how it goes with ln s of every class."""
+        """ln L, and its gradient with respect to ln s of every class."""
         each = zip(self.expected, self.parts, strict=True)
         value = sum(state.log_likelihood(part) for state, part in each)
         slope = dict.fromkeys(self.classes, 0.0)
