@@ -25,7 +25,7 @@ from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import RICH_PERIOD, draw_machine, simulate_session
 
 SIZES = (1, 2, 5, 10)
 
@@ -33,7 +33,7 @@ SIZES = (1, 2, 5, 10)
 def surveyed(robot: Robot, seed: int) -> Survey:
     """Two hours of a machine with nothing hidden, its own plan and noise for each seed."""
     plan = make_plan("rich", robot, seed=seed)
-    session = simulate_session(draw_machine(robot, 1), plan, seed, period=38.0)
+    session = simulate_session(draw_machine(robot, 1), plan, seed, period=RICH_PERIOD)
     return survey(session, robot.joints.names)
 
 

@@ -35,14 +35,13 @@ from delta_calibration.effects import Effect, catalogue, effect_named
 from delta_calibration.errors import DataError, ReachError
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import known_robots, load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import RICH_PERIOD, draw_machine, simulate_session
 
 Array = NDArray[np.float64]
 
 FIRST_SEED = 90_000
 STRENGTH = "1.0"  # typical sizes
 INSIDE = 1.96
-RICH_PERIOD = 38.0  # [s] from stop to stop, as `delta-cal simulate --plan rich` has it
 
 
 def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[float]]:

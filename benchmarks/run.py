@@ -31,7 +31,7 @@ from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import RICH_PERIOD, draw_machine, simulate_session
 
 SAMPLES = 10_000
 REPEATS = 5
@@ -75,7 +75,7 @@ def session_work() -> list[tuple[str, float, str]]:
     """A two-hour session: written, read, cleaned, fitted; the line compensated."""
     robot = load_robot("srbd")
     machine = draw_machine(robot, 1)
-    session = simulate_session(machine, make_plan("rich", robot, seed=1), 1, period=38.0)
+    session = simulate_session(machine, make_plan("rich", robot, seed=1), 1, period=RICH_PERIOD)
     assert session.tracker is not None
     messages = 3 * len(session.tracker.stamp_ns)
     with tempfile.TemporaryDirectory() as folder:

@@ -153,7 +153,7 @@ def test_a_moment_is_sought_with_the_poses_that_a_fit_without_it_sets_aside(step
 
 @pytest.mark.parametrize("early", [620.0, 1240.0])
 def test_a_joint_that_slipped_early_is_named_and_its_few_poses_are_no_outliers(early):
-    """Ten or twenty of two hundred poses lie half a millimetre off all others, all alike."""
+    """Ten or twenty of two hundred poses are measured before joints slip by 0.5 to 0.7 mrad."""
     robot, hidden = load_robot("srbd"), {"strength": "6.0", "step_at": str(early)}
     machine = draw_machine(robot, 41, hidden={"joint_zero_drift": hidden})
     session = simulate_session(machine, make_plan("rich", robot, seed=41), 41, period=60.0)

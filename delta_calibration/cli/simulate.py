@@ -15,6 +15,7 @@ from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import (
+    RICH_PERIOD,
     days_later,
     draw_machine,
     effect_options,
@@ -23,7 +24,6 @@ from delta_calibration.simulation import (
     visited,
 )
 
-_RICH_PERIOD = 38.0  # [s] from stop to stop: two hours for the usual number of stops
 _CAUSES = """\b
 Dimensions (default strength 3; geometry, all of them at random: 1):
   joint_zero_offset arm_length forearm_length base_joint_position
@@ -180,7 +180,7 @@ def command(
     def follow(legs: Iterator[Leg]) -> Iterable[Leg]:
         return progress(legs, total, "stop")
 
-    period = _RICH_PERIOD if rich else 0.0
+    period = RICH_PERIOD if rich else 0.0
     noise = seed + 1_000_003 * visit
     session = simulate_session(machine, measured, noise, rate, period, str(out), follow, rich)
     session = days_later(session, visit)

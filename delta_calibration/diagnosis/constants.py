@@ -18,6 +18,7 @@ SEPARATED = 20.0
 CLEAR = 3.0  # standard deviations of the noise by which chi square must exceed its expectation
 CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 EULER = 0.5772  # Euler's constant: mean of the largest of many tries (Gumbel)
+RISE = 1.96**2  # convention: rise of chi square at the ends of a 95 % interval of one parameter
 GROSS = 12.0  # standard deviations beyond which no noise distribution accounts for a reading
 SPIKE = 6.0  # the same for a reading compared with its neighbours on a path
 
@@ -72,6 +73,8 @@ OTHER_FLOOR = 6.0
 FAIR = 0.1  # least share of the information on a parameter at rest, to fit it to the poses
 MOVING = 0.25  # ratio of the signal at rest to that in motion, below which it shows in motion only
 LEARNABLE = 0.2  # least share of the information that must remain when a part is held out
+SAME_WAY = 0.5  # cosine of an outlier's residual with its neighbours', from which it is like them
+LARGE = 3.0  # times the median residual of outliers, beyond which one is unlike the others
 EXCEPTION = 0.3  # stops within a motion are left out if they are less than this share of the poses
 
 # Effort: larger values find the same, but take longer

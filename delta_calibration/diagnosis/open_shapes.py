@@ -22,6 +22,7 @@ from delta_calibration.diagnosis.candidates import (
     shape_columns,
 )
 from delta_calibration.diagnosis.columns import Plain, joined
+from delta_calibration.diagnosis.constants import RISE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Effect, Interval
 
@@ -29,7 +30,6 @@ Array = NDArray[np.float64]
 
 _LEAST, _HALVINGS = 3e-4, 8  # least distance, in spreads of the field; bisections of its logarithm
 _ALIKE = 2.0  # factor within which a rise of chi square agrees with the tangent's
-_RISE = 1.96**2  # of chi square at the ends of a 95 % interval
 _RANK = 1e-9  # share of the largest singular value under which a direction is not identifiable
 
 
@@ -106,14 +106,14 @@ class _Field:
         spread, told = self._spread, self._fit(tangent, self.term)[1]
         rooms = self._now - self.within[0], self.within[1] - self._now
         sides = [(sign, room) for sign, room in zip((-1, 1), rooms, strict=True) if room > 0]
-        far = spread * np.sqrt(_RISE / max(told, 1e-300))
+        far = spread * np.sqrt(RISE / max(told, 1e-300))
         if all(far < room and _straight(self._rise(sign * far)) for sign, room in sides):
             return tangent
         ends = [self._end(sign, room) for sign, room in sides]
         width, near = float(np.ptp([0.0, *ends])), float(np.mean(np.abs(ends)))
         left, along = self._between(self._at(min(0.0, *ends)), self._at(max(0.0, *ends)))
         told = self._fit(left, self.term)[1]
-        left *= min(1.0, width / near * np.sqrt(_RISE / max(told, 1e-300)))
+        left *= min(1.0, width / near * np.sqrt(RISE / max(told, 1e-300)))
         return np.asarray((left + along) * spread / width)
 
     def _between(self, before: Candidate, after: Candidate) -> tuple[Array, Array]:
@@ -132,11 +132,11 @@ class _Field:
     def _end(self, sign: int, room: float) -> float:
         """Signed distance to the end of the 95 % interval; all the room if it has none."""
         least, most = _LEAST * self._spread, room
-        if most <= least or self._rise(sign * most) <= _RISE:
+        if most <= least or self._rise(sign * most) <= RISE:
             return sign * most
         for _ in range(_HALVINGS):
             middle = float(np.sqrt(least * most))
-            told = self._rise(sign * middle) > _RISE
+            told = self._rise(sign * middle) > RISE
             least, most = (least, middle) if told else (middle, most)
         return sign * most
 
@@ -174,5 +174,5 @@ class _Field:
 
 
 def _straight(rise: float) -> bool:
-    """Whether chi square rises by about `_RISE`, as it does along a straight line."""
-    return _RISE / _ALIKE <= rise <= _RISE * _ALIKE
+    """Whether chi square rises by about `RISE`, as it does along a straight line."""
+    return RISE / _ALIKE <= rise <= RISE * _ALIKE

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.constants import LARGE, SAME_WAY
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.residual_tests import misses_alike
@@ -20,8 +21,6 @@ Array = NDArray[np.float64]
 
 
 _NEIGHBOURS = 4  # outliers next to one in joint positions
-_SAME_WAY = 0.5  # cosine of the residual with that of the neighbours
-_LARGE = 3.0  # times the median residual of the outliers
 
 
 @dataclass(frozen=True)
@@ -70,9 +69,9 @@ def like_neighbours(missed: Array, joint: Array) -> NDArray[np.bool_]:
     apart = np.linalg.norm(joint[:, None] - joint, axis=-1)
     near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
     along = missed / np.maximum(size, 1e-300)[:, None]
-    same = np.einsum("ki,ki->k", along, np.median(along[near], axis=1)) > _SAME_WAY
+    same = np.einsum("ki,ki->k", along, np.median(along[near], axis=1)) > SAME_WAY
     usual = float(np.median(size))
-    return np.asarray(same & (size < _LARGE * usual) & (size * _LARGE > usual))
+    return np.asarray(same & (size < LARGE * usual) & (size * LARGE > usual))
 
 
 def set_aside(own: LinearizedModel, every: LinearizedModel) -> NDArray[np.intp]:

@@ -12,12 +12,13 @@ from delta_calibration.simulation.following import Following
 from delta_calibration.simulation.hidden import hideable_causes
 from delta_calibration.simulation.machine import TrueMachine, draw_machine, standing
 from delta_calibration.simulation.options import effect_options
-from delta_calibration.simulation.session import simulate_session
+from delta_calibration.simulation.session import RICH_PERIOD, simulate_session
 from delta_calibration.simulation.visit import days_later, visited
 
 __all__ = [
     "AMBIENT",
     "PARTS",
+    "RICH_PERIOD",
     "WARM_UP",
     "CameraOver",
     "Climate",

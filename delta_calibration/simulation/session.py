@@ -26,6 +26,7 @@ from delta_calibration.simulation.machine import TrueMachine
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
+RICH_PERIOD = 38.0  # [s] from stop to stop of the plan `rich`: two hours for its usual count
 _PAYLOAD_CENTRE = np.array([0.0, 0.0, -0.03])  # [m] in the platform's frame
 _THERMOMETERS = 60.0  # [s] between temperature readings
 _FINE = 20.0  # [1/s] least rate at which the motion is computed, for slower samples too
