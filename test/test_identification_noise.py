@@ -116,6 +116,23 @@ def test_one_knocked_repeat_is_not_noise():
     assert noise.floor == pytest.approx(clean.floor, rel=0.1)
 
 
+def test_a_gross_error_at_a_place_that_was_reached_from_both_sides_is_not_noise():
+    """Three of 160 poses, off by 1 to 10 mm; no two poses have the same conditions."""
+    rng = np.random.default_rng(6)
+    q = np.repeat(workspace(40, rng), 4, axis=0)
+    side = np.tile([[-1.0], [1.0], [-1.0], [1.0]], (40, 3))
+    poses = Cell(SixRods()).measure(q - side * 0.5e-4, rng, direction=side)
+    place = np.repeat(np.arange(40), 4)
+    poses = replace(poses, joint=q, command=q, place=place, repeat=np.arange(160))
+    point = poses.point.copy()
+    point[[7, 90, 91]] += [[6e-3, -4e-3, 7e-3], [-1e-3, 0, 0], [0, 2e-3, 0]]
+    wrong = replace(poses, point=point)
+    clean, noise = (estimate_noise(p, slope_of(p), ROBOT) for p in (poses, wrong))
+    assert clean.degrees - 6 <= noise.degrees < clean.degrees
+    assert noise.repeatability == pytest.approx(clean.repeatability, rel=0.1)
+    assert noise.floor == pytest.approx(clean.floor, rel=0.1)
+
+
 @pytest.mark.parametrize("rest", [12e-6, 200e-6])
 def test_a_rest_error_that_the_encoders_saw_is_no_noise(rest):
     """The fit knows where the joints were, so repeats are compared there: the tracker is left."""

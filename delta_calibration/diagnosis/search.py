@@ -81,6 +81,11 @@ class _Fits:
             self.known.update(zip(new, pool.map(self.bare.fitted, new.values()), strict=True))
         return [self.known[key] for key in keys]
 
+    def forget(self) -> None:
+        """Free the memory of all fits."""
+        for fit in (self.bare, *self.known.values()):
+            fit.forget()
+
 
 def find(
     model: Fitted,
@@ -98,15 +103,11 @@ def find(
         begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been rejected; nothing of the same cause is tried.
     """
-    starts = (model,) if begin else _starts(model, rng)
-    scans = [scanned(start, effects, rng).without(gone) for start in starts]
-    every = model.everything() if len(starts) > 1 else model
-    left = [_left_by_the_best(*begun, every) for begun in zip(starts, scans, strict=True)]
-    bare, first = starts[int(np.argmin(left))], scans[int(np.argmin(left))]
-    for other in starts:
-        if other is not bare:
-            other.forget()
-    model, here, swaps, fits = bare, first, SWAPS, _Fits(bare)
+    starts = [_Fits(start) for start in ((model,) if begin else _starts(model, rng))]
+    scans = [scanned(start.bare, effects, rng).without(gone) for start in starts]
+    fits, first = _likelier_start(starts, scans, model)
+    bare = model = fits.bare
+    here, swaps = first, SWAPS
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
@@ -360,15 +361,33 @@ def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted:
     return model.readmitted() if alike is not None and alike < ALPHA else model
 
 
-def _left_by_the_best(model: Fitted, here: Scan, every: Fitted) -> float:
-    """Chi square per degree of freedom that the best single explanation leaves.
+def _likelier_start(
+    starts: Sequence[_Fits], scans: Sequence[Scan], model: Fitted
+) -> tuple[_Fits, Scan]:
+    """The start, and its scan, about which the likeliest explanation leaves least."""
+    if len(starts) == 1:
+        return starts[0], scans[0]
+    every = model.everything()
+    left = [_left_by_the_best(*begun, every) for begun in zip(starts, scans, strict=True)]
+    best = int(np.argmin(left))
+    for i, other in enumerate(starts):
+        if i != best:
+            other.forget()
+    return starts[best], scans[best]
+
+
+def _left_by_the_best(start: _Fits, here: Scan, every: Fitted) -> float:
+    """Chi square that the likeliest explanation leaves, fitted in full in its best shape.
 
     Args:
-        model: a fit.
+        start: a fit without explanations.
         here: scan of its residuals.
-        every: a fit that uses all poses, or `model`; each pose that `model` sets aside beyond it
-            counts as a gross error.
+        every: a fit that uses all poses; each pose set aside beyond it counts as a gross error.
     """
-    gain = max((score.gain for score in here.scores), default=0.0)
-    out = 0 if every is model else set_aside(model.evidence, every.evidence).size
-    return float(model.misfit + (GROSS**2 * out - gain) / model.beside.degrees)
+    (fit,) = start.of([tuple(score.candidate for score in here.scores[:1])])
+    return min(_left(one, every) for one in (fit, *start.of(fit.in_other_shapes)))
+
+
+def _left(fit: Fitted, every: Fitted) -> float:
+    out = set_aside(fit.evidence, every.evidence).size
+    return float(fit.misfit * fit.beside.degrees + GROSS**2 * out)

@@ -427,9 +427,10 @@ def _missed(solution: Solution, known: Known, place: Index) -> Missed:
 def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     """Refuse residuals that are many times larger than the tolerances explain.
 
-    The medians of both are compared: one reading of another reflector does not make another
-    robot, and tolerances have an untypical effect near a singularity. Reflector offset and tracker
-    frame are not parts of the robot and do not count among what its tolerances explain.
+    The medians of both are compared, with gross errors left out if they decide: one reading of
+    another reflector does not make another robot, and tolerances have an untypical effect near a
+    singularity. Reflector offset and tracker frame are not parts of the robot and do not count
+    among what its tolerances explain.
 
     Args:
         problem: with all parameters free and the drawing's priors.
@@ -441,13 +442,17 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     """
     layout = problem.layout
     geometry = layout.geometry
-    solution = solve(problem.only(~layout.mask(geometry, layout.effects)), robust=False)
+    placed = problem.only(~layout.mask(geometry, layout.effects))
     # at the nominal machine: a badly fitted reflector offset would magnify the tolerances' effect
     slope = problem.chain.jacobian(problem.at, problem.theta0[layout.chain])[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
-    typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
-    if typical > _ANOTHER_ROBOT * expected:
+    for robust in (False, True):
+        solution = solve(placed, robust=robust)
+        typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
+        if typical <= _ANOTHER_ROBOT * expected:
+            break
+    else:
         raise DataError(
             f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
             f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "

@@ -12,6 +12,7 @@ a move.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +27,9 @@ Index = NDArray[np.int64]
 
 # degrees of freedom from which a standard deviation is estimated, not taken from the robot file
 _ENOUGH = 20
-_GROSS = 6.0  # standard deviations beyond which a repeat holds a gross error
+_GROSS = 6.0  # standard deviations beyond which a visit is a gross error
+_FAR = 20.0  # the same where causes have a part in the deviations, a few times their median
+_FREE = 0.1  # share of a pose's variance that its visits must leave, to tell a gross error
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 _STEP = 0.05  # step of log s_q in the second difference of its likelihood
 _ALIKE = 1e-7  # singular value over the largest, below which columns are linearly dependent
@@ -79,11 +82,10 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    poses = _without_gross(poses, covariance)
-    course = _course(poses, poses.place, slope)
-    visits = _visits(poses.point, poses.place, course)
+    poses = _without_gross(poses, covariance, slope)
+    visits = _by_conditions(poses, poses.place, slope)
     if 3 * visits.degrees < 2 * _ENOUGH:  # too few to separate noise from conditions: true repeats
-        visits = _visits(poses.point, poses.repeat, course[:, :0])
+        visits = _visits(poses.point, poses.repeat)
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
@@ -117,25 +119,57 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     return max(float(scales[0]), 1e-3), max(float(scales[1]), 1e-3)
 
 
-def _without_gross(poses: Poses, covariance: Array) -> Poses:
-    """Return the poses, with those of a repeat that has a gross error relabelled as unrepeated.
+def _without_gross(poses: Poses, covariance: Array, slope: Array) -> Poses:
+    """Return the poses, with those that hold a gross error relabelled as unrepeated.
 
-    A knocked reflector is no noise: a repeat with a pose over 6 robust standard deviations from
-    its mean is not used.
+    A knocked reflector is no noise. Poses over 6 robust standard deviations from the mean of their
+    repeat, 20 from that of their place, or 6 from what the conditions explain, are not used.
     """
-    deviation, degrees = _deviations(poses.point, poses.repeat)
-    if degrees == 0:
-        return poses
-    size = np.bincount(poses.repeat)[poses.repeat]
-    several = size > 1
-    distance = np.linalg.norm((whitening(covariance) @ deviation[..., None])[..., 0], axis=1)
-    distance[several] /= np.sqrt(1 - 1 / size[several])
-    typical = float(np.median(distance[several])) / _CHI3_MEDIAN
-    gross = np.isin(poses.repeat, poses.repeat[several & (distance > _GROSS * max(typical, 1.0))])
-    apart = np.arange(int(gross.sum()))
-    repeat, place = poses.repeat.copy(), poses.place.copy()
-    repeat[gross], place[gross] = apart + repeat.max() + 1, apart + place.max() + 1
+    white = whitening(covariance)
+    repeat, gross = _without(poses.repeat, white, lambda each: _visits(poses.point, each))
+    place = _alone(poses.place, gross)
+    # where the conditions could explain nearly all, they would explain the gross errors as well
+    place, _ = _without(place, white, lambda each: _visits(poses.point, each), _FAR)
+    place, _ = _without(place, white, lambda each: _by_conditions(poses, each, slope))
     return replace(poses, repeat=repeat, place=place)
+
+
+def _without(
+    label: Index, white: Array, visits: Callable[[Index], _Visits], gross_from: float = _GROSS
+) -> tuple[Index, NDArray[np.bool_]]:
+    """Labels of visits with the gross errors in groups of their own, and where these are.
+
+    The largest are found first, as they draw means and courses, and so deviations of others.
+    """
+    found = np.zeros(len(label), dtype=bool)
+    while (gross := _gross(visits(label), white, gross_from)).any():
+        label, found = _alone(label, gross), found | gross
+    return label, found
+
+
+def _alone(label: Index, rows: NDArray[np.bool_]) -> Index:
+    """Labels of groups (n,), with some rows in groups of their own."""
+    new = label.copy()
+    new[rows] = label.max() + 1 + np.arange(int(rows.sum()))
+    return new
+
+
+def _gross(visits: _Visits, white: Array, gross_from: float) -> NDArray[np.bool_]:
+    """Largest gross errors among visits, (n,).
+
+    Args:
+        visits: of all poses.
+        white: whitens the noise of each, (n, 3, 3).
+        gross_from: robust standard deviations beyond which a deviation is a gross error.
+    """
+    free = visits.free
+    told = free > _FREE
+    if not told.any():
+        return told
+    distance = np.linalg.norm((white @ visits.left[..., None])[..., 0], axis=1)
+    distance = np.where(told, distance / np.sqrt(np.where(told, free, 1.0)), 0.0)
+    typical = max(float(np.median(distance[told])) / _CHI3_MEDIAN, 1.0)
+    return np.asarray(distance > max(gross_from * typical, distance.max() / 2))
 
 
 @dataclass(frozen=True)
@@ -156,13 +190,30 @@ class _Visits:
     @property
     def floor(self) -> float:
         """Root mean square 3-D distance from a place's mean by noise alone [m]."""
+        return float(np.sqrt(np.sum(self.left**2) / max(self.degrees, 1)))
+
+    @property
+    def left(self) -> Array:
+        """Deviations that the conditions leave unexplained, (n, 3) [m]."""
         flat = self.deviation.reshape(-1)
-        left = flat - self.course @ (self.course.T @ flat)
-        return float(np.sqrt(left @ left / max(self.degrees, 1)))
+        return np.asarray(flat - self.course @ (self.course.T @ flat)).reshape(-1, 3)
+
+    @property
+    def free(self) -> Array:
+        """Share of each pose's variance that `left` holds, the mean of its coordinates, (n,)."""
+        size = np.bincount(self.place)[self.place]
+        taken = np.sum(self.course.reshape(len(size), -1) ** 2, axis=1) / 3
+        return np.asarray(1 - 1 / size - taken)
 
 
-def _visits(point: Array, place: Index, course: Array) -> _Visits:
+def _visits(point: Array, place: Index, course: Array | None = None) -> _Visits:
+    course = np.zeros((point.size, 0)) if course is None else course
     return _Visits(place, _deviations(point, place)[0], course)
+
+
+def _by_conditions(poses: Poses, place: Index, slope: Array) -> _Visits:
+    """Visits of each place, with the changes that the conditions may cause."""
+    return _visits(poses.point, place, _course(poses, place, slope))
 
 
 def _course(poses: Poses, place: Index, slope: Array) -> Array:
@@ -198,8 +249,8 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
 def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, stated: float) -> float:
     """Standard deviation of one reading of the rotation about each axis [rad].
 
-    The maximum likelihood estimate from the differences of repeats, given the rest errors of the
-    joints; the robot file's value if there are too few repeats.
+    The maximum likelihood estimate from the differences of repeats without gross errors, given the
+    rest errors of the joints; the robot file's value if there are too few repeats.
 
     Args:
         turned: small rotation vectors from one pose of the same repeat to each, (n, 3) [rad].
@@ -208,10 +259,12 @@ def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, state
         resting: covariance of the rotations by rest errors of the joints, (n, 3, 3) [rad^2].
         stated: the robot file's value [rad].
     """
-    visits = _visits(turned, repeat, np.zeros((turned.size, 0)))
+    reading = np.eye(3) / count[:, None, None]
+    white = whitening(resting + stated**2 * reading)
+    repeat, _ = _without(repeat, white, lambda each: _visits(turned, each))
+    visits = _visits(turned, repeat)
     if 3 * visits.degrees < _ENOUGH:
         return stated
-    reading = np.eye(3) / count[:, None, None]
     return _likeliest(visits, resting, reading, (_LEAST, _MOST))[0]
 
 
