@@ -132,7 +132,7 @@ def rows(name: str, seeds: int) -> list[str]:
 def table(seeds: int, jobs: int) -> str:
     """All robots, so many at a time."""
     head = (
-        "| robot | method | off elsewhere, mm RMS | worst place, mm | misfit | machines tried "
+        "| robot | method | off elsewhere, mm RMS | worst place, mm | misfit | evaluations "
         "| time |\n|---|---|---|---|---|---|---|"
     )
     robots = known_robots()

@@ -78,17 +78,17 @@ legs may be numbered clockwise or counter-clockwise.
 `passed_through` names axes that the model does not know, such as the fourth axis of a Delta, which
 turns the tool. Commands, states and trajectories contain either all of these axes or none. Their
 values are passed on unchanged, after the robot's joints in the order of the file, and are held
-together with the joints. If a controller's `command_joints` contain them, it is only sent commands
-that have them. The targets of `compensate` may have a column for such an axis (`joint_4`, with or
-without a unit suffix), which is copied. Fits, diagnoses and exported C ignore these axes, a
-calibration does not depend on them, and the URDF does not show them, because the file does not say
-how they move.
+together with the joints. If a controller's `command_joints` contain them, it only receives
+commands that contain them. The targets of `compensate` may have a column for such an axis
+(`joint_4`, with or without a unit suffix), which is copied. Fits, diagnoses and exported C ignore
+these axes, a calibration does not depend on them, and the URDF does not show them, because the
+file does not say how they move.
 
 ## Links of a serial arm, modified or standard
 
-The default is `convention: modified` (Craig, proximal): row i leads to its axis and then along it.
-In `convention: standard` (distal, as in Spong and many makers' tables) row i turns about its axis
-and leads on to the next.
+The default is `convention: modified` (Craig, proximal): the transform of row i goes to its axis
+and then along it. In `convention: standard` (distal, as in Spong and the tables of many
+manufacturers) it turns about its axis and goes on to the next.
 
 | Convention | Transform of row i |
 |---|---|
@@ -96,7 +96,7 @@ and leads on to the next.
 | standard | R_z(q_i + zero) T_z(offset) T_x(length) R_x(twist) |
 
 The same arm has the same `zero_deg` and `offset_mm` in both conventions; `twist_deg` and
-`length_mm` are one row later in the modified table. Those of the last standard row lead to the
+`length_mm` are one row later in the modified table. Those of the last standard row define the
 frame in which `tool_mm` and `mount_deg` are given. In both, `parallel` compares a row's axis with
 the previous one. Standard rows are converted to modified ones when the file is read: identified
 parameters (`twist_2`) are modified, and `delta-cal export --format dh` writes both tables.
@@ -296,13 +296,14 @@ def reference() -> str:
     lines = [
         "# Robot files, entry by entry",
         "",
-        "The description of a robot: dimensions, tolerances, joints, masses, tracker, limits.",
-        "The suffix of a key is the unit of its number. A file begins with `schema: 1`, `name` (a",
-        "lower-case letter, then lower-case letters, digits and `_`) and `mechanism`; sections",
-        "follow. `geometry.arm_mm` is the entry `arm_mm` of section `geometry`, and `links[]` one",
-        "of the sections in a list. `delta-cal robot new` writes a file by asking questions,",
-        "`robot check` checks it, `robot draw` draws it. This page is written by",
-        "`delta-cal robot reference`.",
+        "A robot file describes a robot: dimensions, tolerances, joints, masses, tracker, limits.",
+        "`delta-cal robot new` writes a file by asking questions, `robot check` checks it, and",
+        "`robot draw` draws the robot. `delta-cal robot reference` prints this page.",
+        "",
+        "A file begins with `schema: 1`, `name` (a lower-case letter, then lower-case letters,",
+        "digits and `_`) and `mechanism`. Sections follow. The suffix of a key is the unit of its",
+        "number. `geometry.arm_mm` is the entry `arm_mm` of section `geometry`; `links[]` is one",
+        "section of a list.",
         *_HOW_JOINTS_READ,
     ]
     for mechanism in MECHANISMS:
@@ -311,7 +312,9 @@ def reference() -> str:
     turning, sliding = _by_joints()
     for title, name in (("joints that turn", turning), ("joints that slide", sliding)):
         lines += ["", f"## All robots: {title}", ""]
-        lines += ["As the table before, except:", ""] if name == sliding else []
+        lines += (
+            ["As in the table before, except for these entries:", ""] if name == sliding else []
+        )
         rest = [e for e in entries(name) if e.path[0] not in own]
         shared = {entry.path for entry in entries(turning)} if name == sliding else set()
         lines += _table([e for e in rest if e.path not in shared])

@@ -26,7 +26,7 @@ _AXES = "xyz"
 
 
 class CableRobot(Mechanism):
-    """A point (3 freedoms) or a body (6) on m cables, as many as it has freedoms or more.
+    """Point (3 degrees of freedom) or body (6) on m cables, at least one per degree of freedom.
 
     Closure of cable i (paper 002 (1), (2)): |a_i - P - R(w) b_i| = l_0i + k_i theta_i, a length.
     The counters are zero at the home pose (P_0, w_0), which is known: it defines the robot's

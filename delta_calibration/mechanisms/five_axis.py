@@ -73,7 +73,7 @@ class FiveAxisTolerances:
 
 
 class FiveAxis(Mechanism):
-    """Sliders on columns, struts to a platform that moves in the plane x = 0 and turns twice.
+    """Struts on sliders carry a platform that moves in the plane x = 0 and turns about x and y.
 
     Closure of strut v: |o + T_v t_v - s_v - q_v e_z|^2 = L_v^2, o = (0, y, z), paper (3), (4),
     with T = R_X(A) R_Y(B) for struts 1, 2 and R_X(A) for struts 3, 4.

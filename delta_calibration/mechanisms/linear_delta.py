@@ -56,7 +56,7 @@ class LinearDeltaTolerances:
 
     radius: float = tolerance(about="radius of a tower")
     angle: float = tolerance(
-        "mrad", about="direction of a tower about z; what its radius adds is added"
+        "mrad", about="direction of a tower about z, without the part that its radius causes"
     )
     endstop: float = tolerance(about="height of an endstop")
     arm: float = tolerance(about="length of a rod")

@@ -23,7 +23,7 @@ _LINK = 5  # dimensions of a link: twist, skew, length, zero, offset
 
 
 class SerialArm(Mechanism):
-    """Arm of joints that turn one after the other: two axes (SCARA) to seven, by a DH table.
+    """Serial arm of two (SCARA) to seven revolute joints, described by a DH table.
 
     Links are in modified DH, even if drawn in standard DH, with Hayati's angle between parallel
     axes.

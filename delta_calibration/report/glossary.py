@@ -1,4 +1,4 @@
-"""The words of all outputs, each with one meaning; `docs/glossary.md` says the same."""
+"""Glossary of the words of all outputs; `docs/glossary.md` has the same text."""
 
 from __future__ import annotations
 
@@ -20,8 +20,11 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "pose, place, reading, stop",
         (
-            "A stop is a pose requested by a plan. The ends of its paths are periods at rest too, "
-            "so a session can have more poses than its plan has stops."
+            "A reading is one measurement of the tracker. A pose is the mean of the readings "
+            "during one period at rest, with the joint command there. Poses with the same command "
+            "(within 0.2 mrad of a Delta's joint) are at the same place. A stop is a pose "
+            "requested by a plan. The ends of its paths are periods at rest too, so a session can "
+            "have more poses than its plan has stops."
         ),
     ),
     (
@@ -37,9 +40,9 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "in sample",
         (
-            "Root mean square 3-D distance between measured and predicted at the poses that the "
-            "fit was made from. It says little about accuracy, because a fit adapts to its own "
-            "data."
+            "Root mean square 3-D distance between measured and predicted points at the poses "
+            "that the fit was made from. It says little about accuracy, because a fit adapts to "
+            "its own data."
         ),
     ),
     (
@@ -52,39 +55,40 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "error left",
         (
-            "Of a fit and in a calibration file: root mean square 3-D distance between measured "
-            "and predicted over all accepted poses at rest, with equal weights. The places are "
-            "divided at random into five parts, and each part is predicted by a fit to the "
-            "other four. It is the error to expect between the measured places."
+            "Figure of a fit and of a calibration file: root mean square 3-D distance between "
+            "measured and predicted points over all accepted poses at rest, with equal weights. "
+            "The places are divided at random into five parts, and each part is predicted by a "
+            "fit to the other four. It is the error to expect between the measured places."
         ),
     ),
     (
         "held-out error",
         (
-            "Of a diagnosis, its verdict and its report: the same distance over the same poses, "
-            "but whole sectors of the workspace are held out, five by the bearing about z (of a "
-            "machine that works in an upright plane, about the middle of that plane; of places "
-            "on a line, along it). It is larger than the error left, because the model has to "
-            "predict a region it has not seen. For a single cause: with and without that cause, "
-            "with all others in the model; from readings in motion if the cause only shows in "
-            "motion, and by sectors of the motions where one sector of the poses holds nearly "
-            "all of these; for a smooth map, cells are held out instead of sectors."
+            "Figure of a diagnosis, its verdict and its report: the same distance over the same "
+            "poses, but whole sectors of the workspace are held out, five by the bearing about z. "
+            "(For a machine that works in an upright plane they are sectors about the middle of "
+            "that plane; for places on a line, sections of it.) It is larger than the error left, "
+            "because the model has to predict a region it has not seen. For a single cause it is "
+            "given with and without that cause, with all others in the model. It is computed from "
+            "readings in motion if the cause only shows in motion, and by sectors of the motions "
+            "if one sector of the poses holds nearly all of these. For a smooth map, cells are "
+            "held out instead of sectors."
         ),
     ),
     (
         "error against the truth",
         (
             "In demonstrations only: the distance of the simulated machine's tool from its "
-            "intended position, which is known exactly because the machine is simulated. "
-            "Measured by the tracker it includes noise."
+            "intended position, which is known exactly because the machine is simulated. If the "
+            "tracker measures this distance, it includes noise."
         ),
     ),
     (
         "gain",
         (
-            "Share of the avoidable error (in squares) that disappears with a cause in the "
-            "model. Avoidable is the part of the held-out error without the cause that exceeds "
-            "the noise. With its 95 % interval."
+            "Share of the avoidable error (in squares) that disappears with a cause in the model, "
+            "with its 95 % interval. Avoidable is the part of the held-out error without the "
+            "cause that exceeds the noise."
         ),
     ),
     (
@@ -145,8 +149,9 @@ TERMS: tuple[tuple[str, str], ...] = (
     (
         "region",
         (
-            "Convex hull of the places that were measured. Corrections end at its edge, because "
-            "nothing is known about the machine outside."
+            "Convex hull of the places that were measured. Nothing is known about the machine "
+            "outside. There corrections fade out over the margin in the robot file "
+            "(limits.region_margin_mm), or end at the edge if the margin is zero."
         ),
     ),
     (
@@ -157,7 +162,8 @@ TERMS: tuple[tuple[str, str], ...] = (
         "seed",
         (
             "Seed of the random numbers. In a diagnosis or fit it determines the random parts and "
-            "bootstraps; in a simulated session the machine, its errors and the noise."
+            "bootstraps; in a simulated session it determines the machine, its errors and the "
+            "noise."
         ),
     ),
 )
