@@ -11,9 +11,9 @@
 # %% [markdown]
 # # From a recorded session to corrected commands
 #
-# `bags/srbd_plain` is a session of a simulated Delta whose parts are not as drawn: its joints were
-# commanded to some places, and a laser tracker said where the tool was. Open this file with
-# Jupyter (jupytext), from the folder of the repository.
+# `bags/srbd_plain` is a session of a simulated Delta whose parts deviate from the drawing. Its
+# joints were commanded to some places, and a laser tracker measured the position of the tool.
+# Open this file with Jupyter (jupytext) from the folder of the repository.
 
 # %%
 from delta_calibration.notebook import open_session
@@ -22,15 +22,15 @@ session = open_session("bags/srbd_plain", robot="srbd")
 session
 
 # %% [markdown]
-# What was measured, a row a pose at rest: joints by the encoders, place of the reflector in the
-# tracker's frame.
+# The measured data, one row per pose at rest: encoder angles of the joints, and position of the
+# reflector in the tracker's frame.
 
 # %%
 session.to_frame().head()
 
 # %% [markdown]
-# The fit finds dimensions, reflector and tracker frame together. The *error left* is of places
-# that a fit had not seen ([glossary](../glossary.md)).
+# The fit identifies dimensions, reflector offset and tracker frame together. The *error left* is
+# computed at places that the fit has not seen ([glossary](../glossary.md)).
 
 # %%
 found = session.fit()
@@ -44,8 +44,8 @@ table[table["deviation"].abs() > 3 * table["std"]]
 found.plot_residuals()
 
 # %% [markdown]
-# Where the joints have to go for the tool to be where it is meant to be, in five places; the last
-# is out of reach, and says so.
+# Joint commands that bring the tool to five targets. The last target is out of reach, which its
+# status shows.
 
 # %%
 targets = [[0, 0, -750], [200, 0, -750], [0, 200, -700], [-100, -100, -700], [2000, 0, -750]]

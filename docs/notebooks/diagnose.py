@@ -9,10 +9,11 @@
 # ---
 
 # %% [markdown]
-# # What the model gets wrong
+# # Errors that the geometry does not explain
 #
-# In `bags/srbd_backlash` a joint has play, which no dimension of the machine can explain. The
-# calibrated model leaves an error many times the noise; the diagnosis says why.
+# In the session `bags/srbd_backlash` a joint has backlash, which no dimension of the machine can
+# explain. The calibrated model leaves an error many times the noise; the diagnosis names its
+# cause.
 
 # %%
 from delta_calibration.notebook import open_session
@@ -26,8 +27,8 @@ verdict = session.diagnose()
 verdict
 
 # %% [markdown]
-# Each value that was found, in SI, with its standard error; then the errors of all poses, each
-# predicted by a fit that had not seen it.
+# The identified values in SI units with their standard errors; then the errors of all poses, each
+# predicted by a fit that has not seen it.
 
 # %%
 verdict.to_frame()
@@ -36,8 +37,8 @@ verdict.to_frame()
 verdict.plot_residuals()
 
 # %% [markdown]
-# The errors of single poses, before and after the geometry was fitted: what is left goes with the
-# side that a pose was reached from.
+# The errors of single poses with the calibrated geometry, averaged by the side from which joint 2
+# reached the pose: they depend on that side.
 
 # %%
 residuals = found.residuals()
