@@ -2,10 +2,11 @@
 
     python benchmarks/camera_positioning.py
 
-Machines drawn with their tolerances; a camera that hangs over the plane, tilted and turned, with
-noise in its pixels; joints that repeat to 12 urad. The paper's unit and lattice (0.01 degree,
-k = 16). Both elbow postures. `before` and `after` are by the camera, in the frame that was laid
-with it or is known; `truly` is the tool in the plane of the machine's own base.
+Machines are drawn within their tolerances. The camera hangs over the plane, tilted and rotated,
+with pixel noise; the joints repeat to 12 urad. Unit and lattice are those of the paper (0.01
+degree, k = 16). Both elbow postures are run. `before` and `after` are measured by the camera, in a
+frame that was either found with the camera or is known; `truly` is the error of the tool in the
+plane of the machine's own base.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ POINTS = 10
 STOPS = 24
 IMAGES = 10
 REPEATS = 3
-PRINTED = 0.081  # [mm] the mean after, of the paper's table 2
+PRINTED = 0.081  # [mm] mean error after the search, table 2 of the paper
 
 
 @dataclass(frozen=True)
 class Run:
-    """One machine's targets in one posture, (n,) each, [m] where nothing else is said."""
+    """Targets of one machine in one posture: arrays (n,), in [m] unless stated otherwise."""
 
     before: Array  # by the camera
     after: Array
@@ -55,7 +56,7 @@ class Run:
 
 
 def targets(robot: Robot, seed: int, count: int) -> Array:
-    """Tool points over the workspace, (count, 3) [m]."""
+    """Draw tool points over the workspace, (count, 3) [m]."""
     rng = np.random.default_rng([seed, 9])
     workspace = robot.workspace
     if workspace is None:
@@ -70,7 +71,7 @@ def drive(
     stops: int = STOPS,
     repeats: int = REPEATS,
 ) -> Run:
-    """Let a machine be driven to its targets; without stops, the camera's place is known."""
+    """Drive a machine to its targets; with `stops` = 0 the pose of the camera is known."""
     robot, rng = machine.robot, np.random.default_rng([seed, 7])
     camera = CameraOver.hung(machine, seed)
     wanted = targets(robot, seed, points)

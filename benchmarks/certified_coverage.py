@@ -1,16 +1,17 @@
-"""How many true errors of corrected positions lie within what is certified of them.
+"""Share of the true errors of corrected positions that lie within the certified radius.
 
     python benchmarks/certified_coverage.py [--robots srbd,scara] [--machines 10] [--seed 0]
                                             [--diagnosed]
 
-Machines that are not built as drawn, with a hidden cause and without, are measured once each. At
-places that were not measured, all over the region, each joint coming from either side, the true
-error of the corrected command is held against its certified radius: 95 % should lie within it.
+Each machine deviates from the drawing, with or without a hidden cause, and is measured once. At
+places that were not measured, over the whole region and with each joint approached from either
+side, the true error of the corrected command is compared with its certified radius. The radius
+should cover 95 % of the errors.
 
-By default the session is the plan `identify`, fitted by geometry alone, and payload and
-temperature are those of the session. With `--diagnosed` it is the plan `rich`, diagnosed; the
-extended calibration is held against the truth at payloads and temperatures that were not measured
-either, all over the range of those that were.
+By default the session follows the plan `identify` and is fitted by geometry alone; payload and
+temperature are those of the session. With `--diagnosed` the session follows the plan `rich` and is
+diagnosed. The extended calibration is then tested at other payloads and temperatures as well,
+within the measured range.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ from delta_calibration.simulation import draw_machine, effect_options, simulate_
 from delta_calibration.simulation.machine import TrueMachine
 
 CAUSES = ("none", "backlash", "transmission_error", "encoder_eccentricity", "cable_sag")
-HAVE = {  # what each can have of these
+HAVE = {  # causes that each robot can have
     "srbd": CAUSES[:4],
     "linear_delta": CAUSES[:3],
     "five_axis": CAUSES[:3],
@@ -42,7 +43,7 @@ HAVE = {  # what each can have of these
     "ur10": CAUSES[:4],
     "cdpr8": ("none", "encoder_eccentricity", "cable_sag"),
 }
-LOADED = {  # with what goes by payload and temperature too
+LOADED = {  # also causes that depend on payload and temperature
     "srbd": ("none", "backlash", "joint_compliance", "thermal_growth_arm"),
     "linear_delta": ("none", "backlash", "transmission_error"),
     "five_axis": ("none", "backlash", "transmission_error"),
@@ -57,7 +58,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Coverage:
-    """Of one machine."""
+    """Coverage of one machine."""
 
     covered: float  # share of true errors within the certified radius
     error: float  # [m] RMS of the true errors
@@ -65,7 +66,7 @@ class Coverage:
 
 
 def coverage(robot_name: str, cause: str, seed: int, count: int = 40) -> Coverage:
-    """Measure one machine, fit it, and hold it against the truth elsewhere."""
+    """Measure one machine, fit it, and test it at other places."""
     robot = load_robot(robot_name)
     machine = _machine(robot_name, cause, seed)
     plan = make_plan("identify", robot, count=count, seed=seed)
@@ -77,7 +78,7 @@ def coverage(robot_name: str, cause: str, seed: int, count: int = 40) -> Coverag
 
 
 def diagnosed(robot_name: str, cause: str, seed: int) -> Coverage:
-    """The same of a diagnosed machine, at other payloads and temperatures as well."""
+    """Measure and diagnose one machine, and test it at other payloads and temperatures as well."""
     robot = load_robot(robot_name)
     machine = _machine(robot_name, cause, seed)
     session = simulate_session(machine, make_plan("rich", robot, seed=seed), seed, warming=True)
@@ -101,7 +102,7 @@ def _joints(examined: Examined, rng: np.random.Generator) -> Array:
 
 
 def _elsewhere(examined: Examined, at: Conditions, rng: np.random.Generator) -> Conditions:
-    """Payloads and temperatures between the least and the most that were measured."""
+    """Draw payloads and temperatures between the smallest and the largest that were measured."""
     poses, n = examined.poses, len(at)
     load = rng.uniform(poses.payload.min(), poses.payload.max(), n)
     warm = at.temperature
@@ -114,7 +115,7 @@ def _elsewhere(examined: Examined, at: Conditions, rng: np.random.Generator) -> 
 def _held_against(
     machine: TrueMachine, examined: Examined, at: Conditions, rng: np.random.Generator
 ) -> Coverage:
-    """True errors of commands whose joints come from either side, which the compensator knows."""
+    """Compare true errors with radii; the compensator knows the side of approach."""
     shape, own = at.joint.shape, examined.identified.machine
     known = replace(at, direction=rng.choice([-1.0, 1.0], shape), travel=np.full(shape, np.inf))
     rest = machine.robot.joints.repeatability * rng.standard_normal(shape)
@@ -129,7 +130,7 @@ def _held_against(
 
 
 def table(robots: Sequence[str], seed: int, machines: int, extended: bool) -> Iterator[str]:
-    """A line a robot and cause; the mean has its standard error by the spread of the machines."""
+    """Yield a line per robot and cause; the standard error is from the scatter of machines."""
     measured, causes = (diagnosed, LOADED) if extended else (coverage, HAVE)
     yield f"{'robot':<14}{'hidden':<22}{'covered':>15}{'least':>8}{'error':>12}{'95 %':>11}"
     for name in robots:
@@ -148,11 +149,11 @@ def table(robots: Sequence[str], seed: int, machines: int, extended: bool) -> It
 def _possible(
     measured: Callable[[str, str, int], Coverage], name: str, cause: str, seed: int
 ) -> Iterator[Coverage]:
-    """Of one machine after the other, without those that cannot go through the plan."""
+    """Measure one machine after the other; skip those that cannot execute the plan."""
     for each in count(seed):
         try:
             yield measured(name, cause, each)
-        except ReachError:  # cables that would be slack
+        except ReachError:  # cables that would become slack
             continue
 
 

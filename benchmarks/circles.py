@@ -1,24 +1,25 @@
-"""How often a circle test alone names a hidden cause, and whether what it foretells comes true.
+"""How often a circle test alone names a hidden cause, and whether its predictions are right.
 
     python benchmarks/circles.py [--machines 200] [--seed 1] [--robots srbd,...] [--json FILE]
     python benchmarks/circles.py --clean --machines 100 --seed 3
 
-Of each robot in turn a machine is drawn with its own dimensions, three of four with one cause
-hidden at one place, of a size between 0.1 and 3 of what is typical. It is measured by the plan
-`circles` and nothing else, and diagnosed. Counted are
+Machines are drawn from the robots in turn, each with its own dimensions. Three of four have one
+cause hidden at one place, of 0.1 to 3 times its typical size. Each is measured by the plan
+`circles` alone and diagnosed. The table counts:
 
-    right       of those with lambda >= 80 beside the geometry: the cause is named, or among what
-                the session cannot tell it from; and, apart, whether it is the first of these
-    alarms      machines without a cause in which one beyond the geometry is named; and, apart,
-                those in which structure is reported that no cause explains (unknown)
-    shares      how far the shares are from the whole deviation, at most
-    foretold    the mean circular deviation after a repair, against that of the same machine in
-                the simulator without the cause (of causes that are named as they are hidden); and
-                after compensating all dimensions, against the same machine with parts as drawn
+    right       machines with lambda >= 80 beside the geometry in which the cause is named or is
+                among those listed as indistinguishable; separately, those where it is named itself
+    alarms      machines without a cause in which a cause beyond the geometry is named;
+                separately, those in which unknown structure is reported
+    shares      largest difference between the sum of the shares and the whole deviation
+    foretold    predicted mean circular deviation after a repair, compared with that of the same
+                simulated machine without the cause (only causes that are named correctly); and
+                after compensating all dimensions, compared with that of the same machine
+                with nominal parts
 
-With --clean no machine hides a cause, and nothing is repaired: alarms alone are counted.
+With --clean no machine has a hidden cause and nothing is repaired; only alarms are counted.
 
-Seeds are --seed * 10^5 and those that follow; they are used here and nowhere else.
+Seeds are --seed * 10^5 and the following ones; they are used only here.
 """
 
 from __future__ import annotations
@@ -51,19 +52,19 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 SURE = 80.0  # lambda
 _GEOMETRY = "geometry"
 _SIZES = 0.1, 3.0
-_ANEW = 50_000  # between the seeds of a session and of the one after the repair
-_MATTERS = 0.1  # of the deviation, that a repair changes
+_ANEW = 50_000  # offset between the seeds of a session and of the one after the repair
+_MATTERS = 0.1  # smallest change by a repair that is counted, as a fraction of the deviation
 
 
 def drive(machine: TrueMachine, seed: int) -> tuple[Session, Survey]:
-    """A machine's circle test."""
+    """Run the circle test of a machine."""
     robot = machine.robot
     session = simulate_session(machine, make_plan("circles", robot), seed)
     return session, survey(session, robot.joints.names, robot.commanded.joint_size)
 
 
 def hidden_in(robot: Robot, rng: np.random.Generator) -> dict[str, dict[str, str]]:
-    """A cause with its options; none in one of four machines."""
+    """Draw a cause with its options; one of four machines gets none."""
     effects = catalogue(robot, robot.detailed)
     effect = effects[rng.integers(len(effects))]
     places = sorted({p.location for p in effect.parameters if p.location})
@@ -77,7 +78,7 @@ def hidden_in(robot: Robot, rng: np.random.Generator) -> dict[str, dict[str, str
 def possible(
     robot: Robot, seed: int, hidden: dict[str, dict[str, str]]
 ) -> dict[str, dict[str, str]]:
-    """The same half as large, as often as no machine could have it otherwise."""
+    """Halve the strength of the hidden cause until such a machine can be drawn."""
     while True:
         try:
             draw_machine(robot, seed, hidden=hidden)
@@ -100,14 +101,14 @@ def signal(start: Model, machine: TrueMachine, options: dict[str, str]) -> float
 
 
 def mean_deviation(machine: TrueMachine, seed: int) -> float:
-    """Mean circular deviation of a machine, measured anew with other noise [m]."""
+    """Mean circular deviation of a machine in a new measurement with other noise [m]."""
     session, seen = drive(machine, seed + _ANEW)
     circles = measured_circles(session, machine.robot, calibrated(seen, machine.robot))
     return float(np.mean([m.deviation for m in circles]))
 
 
 def one(name: str, seed: int, clean: bool) -> dict[str, Any]:
-    """What became of a machine."""
+    """Test one machine; return what was hidden and what was found."""
     rng = np.random.default_rng(seed)
     robot = load_robot(name)
     hidden = {} if clean else possible(robot, seed, hidden_in(robot, rng))
@@ -144,7 +145,7 @@ def _changed(e: dict[str, Any]) -> float:
 
 
 def _off(test: CircleTest) -> list[float]:
-    """Of each circle how far its shares are from the whole, as a part of it."""
+    """Distance of each circle's sum of shares from 1, relative to the deviation."""
     return [abs(sum(s.size for s in m.shares) / m.deviation - 1) for m in test.circles]
 
 
@@ -199,7 +200,7 @@ def judged(told: list[dict[str, Any]]) -> None:
             print(f"  alarm: {e['robot']} seed {e['seed']}: {e['findings']} {e.get('structure')}")
 
 
-# a machine's own dimensions and where its reflector sits are in every machine that is drawn
+# Every drawn machine has its own dimensions and its own reflector offset.
 _OF_PARTS = {
     _GEOMETRY,
     "smr_offset",
@@ -212,7 +213,7 @@ _OF_PARTS = {
 
 
 def _alarm(e: dict[str, Any]) -> bool:
-    """Whether anything is told of a machine beyond its parts."""
+    """Whether anything beyond dimensions and reflector offset is reported."""
     return e["unknown"] or any(f[0] not in _OF_PARTS for f in e["findings"])
 
 
@@ -224,7 +225,7 @@ def between(count: int, of: int) -> tuple[float, float]:
 
 
 def right(e: dict[str, Any]) -> bool:
-    """Whether the hidden cause is named, or among what it cannot be told from."""
+    """Whether the hidden cause is named, or listed as indistinguishable from a finding."""
     (cause,) = e["hidden"]
     return any(cause in (f[0], *f[2]) for f in e["findings"])
 
@@ -236,7 +237,7 @@ def first(e: dict[str, Any]) -> bool:
 
 
 def main() -> None:
-    """Run the study, or judge again what is in the file."""
+    """Run the study; machines whose results are already in the file are not repeated."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=200)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,12 +1,12 @@
-"""What one corrected command costs, alone and with effects, and what the direct problem costs.
+"""Time of one corrected command, with and without effects, and of the forward kinematics.
 
     python benchmarks/commands.py                 both tables, some minutes
     python benchmarks/commands.py --calls 100     fewer calls for each row
 
 First table: `JointCompensator.compensate(q[:1], at)` by Newton's method, called from Python for
-one command after the other, all conditions known. Only commands that come back corrected count.
-The machine has dimensions within its tolerances; effects have values within theirs. Second table:
-the direct problem and its identification Jacobian, many poses at once, the least of a few repeats.
+one command after the other, with all conditions known. Only commands that are returned corrected
+count. Dimensions and effects have values within their tolerances. Second table: forward kinematics
+and identification Jacobian for many poses at once, the shortest of a few repeats.
 """
 
 from __future__ import annotations
@@ -40,24 +40,24 @@ from delta_calibration.robot import Robot, known_robots, load_robot
 
 Array = NDArray[np.float64]
 
-DELTA, MODELS = "srbd", ("rotary_delta", "six_rod_delta")  # of which effects are timed as well
+DELTA, MODELS = "srbd", ("rotary_delta", "six_rod_delta")  # effects are timed with these as well
 COMMANDS, SEED = 40, 4
 POSES, REPEATS = 2000, 5
-PART, WARMTH = "arm", 20e-6  # of which a temperature is known, [1/K] its expansion
+PART, WARMTH = "arm", 20e-6  # part with a known temperature; [1/K] its expansion
 PAYLOAD = 1.0  # [kg]
-AT_ONCE = ("joint_compliance", "thermal_growth_arm", "backlash")  # effects of the row of three
+AT_ONCE = ("joint_compliance", "thermal_growth_arm", "backlash")  # the row of three
 EVERYWHERE = Region(10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0))  # [m]
 
 
 def within(mechanism: Mechanism, rng: np.random.Generator) -> Array:
-    """Dimensions (p,) of a machine half as far from its drawing as its tolerances are."""
+    """Dimensions (p,) of a machine, drawn with half the tolerances as standard deviation."""
     parameters = mechanism.parameters
     spread = np.where(np.isfinite(parameters.prior), parameters.prior, 0.0)
     return np.asarray(parameters.nominal + 0.5 * spread * rng.standard_normal(len(parameters)))
 
 
 def known(robot: Robot, model: str | None, effects: tuple[Effect, ...]) -> Calibration:
-    """A calibration of such a machine that holds everywhere."""
+    """Calibration of such a machine that is valid everywhere."""
     rng = np.random.default_rng(SEED)
     chain = chain_of(robot, model)
     base = chain.join(within(chain.mechanism, rng), np.zeros(3), Frame.identity())
@@ -75,7 +75,7 @@ def known(robot: Robot, model: str | None, effects: tuple[Effect, ...]) -> Calib
 
 
 def conditions(q: Array) -> Conditions:
-    """Conditions of commands (n, m) in motion, with a payload and a warm arm."""
+    """Conditions for commands (n, m) in motion, with a payload and a warm arm."""
     rng, n = np.random.default_rng(SEED), len(q)
     return replace(
         at_rest(q),
@@ -90,14 +90,14 @@ def conditions(q: Array) -> Conditions:
 
 
 def live(robot: Robot, model: str) -> list[Effect]:
-    """Effects that a calibration of this robot can hold and a command be corrected for."""
+    """Effects of this robot's catalogue for which commands can be corrected."""
     mechanism = chain_of(robot, model).mechanism
     every = catalogue(robot, mechanism)
     return [effect for effect in every if known(robot, model, (effect,)).live]
 
 
 def cases() -> Iterator[tuple[str, str | None, tuple[Effect, ...]]]:
-    """Robots, models and effects that are timed."""
+    """Yield the robots, models and effects that are timed."""
     robot = load_robot(DELTA)
     for model in MODELS:
         yield DELTA, model, ()
@@ -111,7 +111,7 @@ def cases() -> Iterator[tuple[str, str | None, tuple[Effect, ...]]]:
 
 
 def times(calibration: Calibration, calls: int) -> tuple[Array, int]:
-    """Times of single commands [us], and how many of the plan's commands are corrected."""
+    """Times of single commands [us], and the number of the plan's commands that are corrected."""
     robot = calibration.robot
     q = make_plan("identify", robot, count=COMMANDS, both_sides=False).joint
     at, compensator = conditions(q), JointCompensator(calibration)
@@ -144,7 +144,7 @@ def commands(calls: int) -> None:
 
 
 def direct() -> None:
-    """Print the table of the direct problem."""
+    """Print the table of forward kinematics and Jacobian."""
     print("\n| model | forward [us a pose] | identification Jacobian [us a pose] |")
     print("|---|---|---|")
     pairs = [(DELTA, model) for model in MODELS]
@@ -162,7 +162,7 @@ def direct() -> None:
 
 
 def least(call: Callable[[], object]) -> float:
-    """Microseconds a pose, the least of a few repeats."""
+    """Time per pose, the shortest of a few repeats [us]."""
     return 1e6 * min(timeit.repeat(call, number=1, repeat=REPEATS)) / POSES
 
 

@@ -1,12 +1,12 @@
-"""The swarm beside other ways to the same correction, to 1e-3 mm: `make bench`.
+"""The particle swarm compared with other ways to the same correction, to 1e-3 mm: `make bench`.
 
     python benchmarks/compensation.py                       the table
     python benchmarks/compensation.py --failures 200000     how often the swarm fails
 
-The same three-sphere Delta, drawn within its tolerances, the same commands and targets for all,
-one core, in one run. Times are the processor's, and of a target the least of a few: other programs
-only add to it. Median, p99 and spread are those over the targets. A library that is not installed
-is named and left out: pip install '.[bench]'.
+All use the same three-sphere Delta, drawn within its tolerances, the same commands and targets,
+and one core, in one run. Times are processor times; each target counts with the shortest of a few
+repeats, because other programs can only lengthen them. Median, p99 and spread are taken over the
+targets. A library that is not installed is named and left out: pip install '.[bench]'.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ from swarm_rivals import RIVALS, Objective, Solver, installed, root, solve
 
 Array = NDArray[np.float64]
 Found = tuple[Array, object]  # corrections [rad], evaluations
-Way = Callable[[Array, Array, int], Found]  # of commands, targets, and the number of the first
+Way = Callable[[Array, Array, int], Found]  # of commands, targets, and the index of the first
 
 TOLERANCE = 1e-6  # [m]
 SINGLE, SLOW, BATCH = 2000, 20, 10_000  # targets
-REPEATS, FEW = 10, 3  # times that each is corrected, the few where it takes long
-RADIUS, LOW, HIGH = 0.5, -0.83, -0.63  # [m] the paper's disc, 200 mm high
+REPEATS, FEW = 10, 3  # repeats of each target; FEW for slow methods
+RADIUS, LOW, HIGH = 0.5, -0.83, -0.63  # [m] disc of the paper, 200 mm high
 
 
 @dataclass(frozen=True)
 class Task:
-    """One machine, the commands it is given and the points they mean."""
+    """One machine, its commands and the points that they are meant to reach."""
 
     mechanism: Mechanism
     geometry: Array
@@ -70,30 +70,30 @@ class Task:
 
     @property
     def machine(self) -> IdentifiedMachine:
-        """The machine as the compensation takes it."""
+        """The machine in the form that the compensation uses."""
         return machine_of(self.mechanism, self.geometry)
 
 
 @dataclass(frozen=True)
 class Row:
-    """What one way cost; batches have one time each, shared out."""
+    """Result of one method; the time of a batch is divided by its number of targets."""
 
     name: str
-    seconds: Array  # a target, of each batch
+    seconds: Array  # per target, one value for each batch
     evaluations: float
     reached: int
     tried: int
 
 
 def machine_of(mechanism: Mechanism, geometry: Array) -> IdentifiedMachine:
-    """A machine of these parameters (p,), without effects, its tool at the platform's centre."""
+    """Machine with these parameters (p,), without effects, its tool at the platform's centre."""
     chain = Chain(mechanism, np.zeros(3), 1.0)
     theta = chain.join(geometry, np.zeros(3), Frame.identity())
     return IdentifiedMachine(chain, theta, np.zeros(3))
 
 
 def commands(robot: Robot, n: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Points spread over the disc, (n, 3) [m], and the drawing's joints for them, [rad]."""
+    """Points spread over the disc, (n, 3) [m], and the nominal joint angles for them, [rad]."""
     radius, angle = RADIUS * np.sqrt(rng.random(n)), rng.uniform(0, 2 * np.pi, n)
     height = rng.uniform(LOW, HIGH, n)
     target = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)
@@ -102,13 +102,13 @@ def commands(robot: Robot, n: int, rng: np.random.Generator) -> tuple[Array, Arr
 
 
 def drawn(mechanism: Mechanism, rng: np.random.Generator) -> Array:
-    """Parameters (p,) of a machine within its tolerances."""
+    """Draw parameters (p,) of a machine within its tolerances."""
     parameters = mechanism.parameters
     return np.asarray(parameters.nominal + parameters.prior * rng.standard_normal(len(parameters)))
 
 
 def make_task(n: int, seed: int) -> Task:
-    """The machine and the targets that all ways are tried on."""
+    """Make the machine and the targets on which all methods are tried."""
     robot, rng = load_robot("srbd"), np.random.default_rng(seed)
     mechanism = robot.model("rotary_delta")
     q, target = commands(robot, n, rng)
@@ -117,9 +117,9 @@ def make_task(n: int, seed: int) -> Task:
 
 
 def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
-    """Let a way correct n targets, `size` at once, again and again; the least of each counts.
+    """Time the correction of n targets, `size` at once; the shortest of several repeats counts.
 
-    What it reached is judged by the mechanism's own direct problem.
+    Whether a target was reached is checked with the mechanism's own forward kinematics.
     """
     parts = [slice(first, first + size) for first in range(0, n, size)]
     batches = [(task.q[rows], task.target[rows], rows.start) for rows in parts]
@@ -138,7 +138,7 @@ def timed(task: Task, name: str, way: Way, n: int, size: int = 1) -> Row:
 
 
 def point(task: Task) -> Callable[[Array], Array]:
-    """The mechanism's own direct problem, (..., 3) -> (..., 3) [m]."""
+    """The mechanism's own forward kinematics, (..., 3) -> (..., 3) [m]."""
 
     def at(q: Array) -> Array:
         found = task.mechanism.forward(q.reshape(-1, 3), task.geometry)
@@ -151,7 +151,7 @@ def point(task: Task) -> Callable[[Array], Array]:
 def places(
     machine: backward_kernel.MachineRecord, signals: Array, room: backward_kernel.Place, q: Array
 ) -> Array:
-    """Places of the tool (n, 3) [m] by the compiled chain, NaN where it cannot stand."""
+    """Tool positions (n, 3) [m] by the compiled chain, NaN where it cannot be assembled."""
     found = np.full(q.shape, np.nan)
     for row in range(len(q)):
         begin(machine, room)
@@ -161,7 +161,7 @@ def places(
 
 
 def fast_point(machine: IdentifiedMachine) -> Callable[[Array], Array]:
-    """The same for the libraries, with as little as can be about the compiled function."""
+    """The same for the libraries, with little overhead around the compiled function."""
     signals = machine.resting(machine.mechanism.home[None]).rows[0].copy()
     compiled_machine, room = machine.compiled, scratch(machine.compiled, len(signals))
     return lambda q: places(compiled_machine, signals, room, q)
@@ -170,7 +170,8 @@ def fast_point(machine: IdentifiedMachine) -> Callable[[Array], Array]:
 def spheres(mechanism: Mechanism, g: Array) -> Array:
     """Spheres about the elbows, (3, 10): c, u, v, l with centre c + u cos q + v sin q [m].
 
-    Read off the elbows e at three angles; the closure |x - e|^2 - l^2 has the slope 2 (x - e).
+    Computed from the elbows e at three angles; the derivative of the closure |x - e|^2 - l^2 is 2
+    (x - e).
     """
     angles = np.repeat(np.array([[0.0], [np.pi / 2], [np.pi]]), mechanism.joints, axis=1)
     ahead, quarter, back = -mechanism.closure_by_pose(angles, np.zeros((3, 3)), g) / 2
@@ -180,7 +181,7 @@ def spheres(mechanism: Mechanism, g: Array) -> Array:
 
 
 def our_swarms(task: Task) -> Iterator[Row]:
-    """`Swarm`, which is compiled; `Apso`, in numpy; plain Python."""
+    """Time the compiled `Swarm`, the numpy `Apso` and the one in plain Python."""
     s = task.settings
     legs = spheres(task.mechanism, task.geometry).tolist()
     swarm, by_numpy = Swarm(task.machine, s), Apso(point(task), s)
@@ -214,7 +215,7 @@ def our_swarms(task: Task) -> Iterator[Row]:
 
 
 def rivals(task: Task) -> Iterator[Row]:
-    """The libraries, each on the first targets."""
+    """Time the libraries, each on the first targets."""
     fast, bound = fast_point(task.machine), task.settings.bound_rad
 
     def by(solver: Solver) -> Way:
@@ -234,7 +235,7 @@ def rivals(task: Task) -> Iterator[Row]:
 
 
 def direct(task: Task) -> Iterator[Row]:
-    """What needs no swarm: Newton's method and the closed form, both compiled."""
+    """Time the methods without a swarm: Newton's method and the closed form, both compiled."""
     by_newton = Newton(task.machine, NewtonSettings(task.settings.bound_rad, TOLERANCE))
 
     def newton(q: Array, target: Array, _: int) -> Found:
@@ -251,9 +252,10 @@ def direct(task: Task) -> Iterator[Row]:
 
 
 def table(rows: list[Row]) -> str:
-    """The rows as Markdown; ratios to the first one's median, 10th to 90th percentile.
+    """Format the rows as Markdown; ratios to the first row's median, 10th to 90th percentile.
 
-    Where a way was tried on some of the targets, the median is that of the first way on them.
+    If a method was tried on only some of the targets, it is compared with the first method's
+    median over those.
     """
     head = "way, median [us], p99 [us], times the first (10 % to 90 %), evaluations, reached"
     columns = head.split(", ")
@@ -269,10 +271,10 @@ def table(rows: list[Row]) -> str:
 
 
 def failures(n: int, model: str, per_machine: int = 10) -> int:
-    """Searches that end farther than `TOLERANCE` from their target, of n.
+    """Number of searches, out of n, that end farther than `TOLERANCE` from their target.
 
-    Judged by the mechanism's own direct problem. Each machine is drawn within its tolerances, has
-    targets of its own, and its number is the swarm's seed.
+    The distance is computed with the mechanism's own forward kinematics. Each machine is drawn
+    within its tolerances and has its own targets; its number is the seed of the swarm.
     """
     robot = load_robot("srbd")
     mechanism, rng = robot.model(model), np.random.default_rng(0)
@@ -301,7 +303,7 @@ def main() -> int:
     task = make_task(BATCH, seed=0)
     home = os.getcwd()
     with tempfile.TemporaryDirectory() as folder:
-        os.chdir(folder)  # pyswarms leaves a log wherever it runs
+        os.chdir(folder)  # pyswarms writes a log into the working directory
         rows = [*our_swarms(task), *rivals(task), *direct(task)]
         os.chdir(home)
     print(table(rows))

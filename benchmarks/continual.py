@@ -1,10 +1,9 @@
-"""Continual calibration: an update by three tenths of the poses against a whole fit.
+"""Continual calibration: an update with three tenths of the poses against a full calibration.
 
-Each history is a simulated machine of its own that drifts from day to day (a random walk of all
-dimensions), measured on some days, the tracker and the reflector set up anew. On the next one
-it is measured by an update's few poses, chosen by what the history says, and by a whole plan;
-both are held against stops that neither has seen. In every second history something steps before
-that day.
+Each history is a simulated machine whose dimensions drift from day to day (a random walk). It is
+measured on several days, with tracker and reflector set up again each time. On the next day it is
+measured with the few poses of an update, chosen from the history, and with a full plan; both are
+compared at poses that neither has used. In every second history a parameter steps before that day.
 
     python benchmarks/continual.py [--histories 10] [--seed 0] [--count 18] [--whole 60]
         [--sessions 12] [--speed 0.01]
@@ -31,12 +30,12 @@ from history import KINDS, SESSIONS, Hidden, drifted
 Array = NDArray[np.float64]
 
 BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
-HELD = 100  # stops that nothing was fitted to
+HELD = 100  # poses that no fit uses
 
 
 @dataclass(frozen=True)
 class Drifting:
-    """A machine whose dimensions walk by `speed` of their tolerance a session."""
+    """A machine whose dimensions follow a random walk of `speed` tolerances per session."""
 
     robot: Robot
     seed: int
@@ -44,7 +43,7 @@ class Drifting:
     change: Hidden | None
 
     def on(self, day: int) -> TrueMachine:
-        """The machine on a day, before a tracker of that day."""
+        """The machine on a given day, with the tracker set up for that day."""
         causes = []
         if self.change is not None and day > self.change.gap:
             size = str(self.change.size)
@@ -54,7 +53,7 @@ class Drifting:
         return visited(machine, self.robot, self.seed, day + 1)
 
     def dated(self, day: int, plan: Plan) -> Dated:
-        """A session of a day."""
+        """Session of a given day."""
         recorded = simulate_session(self.on(day), plan, self.seed + 1_000_003 * (day + 1))
         joints = self.robot.joints.names
         seen = survey(recorded, joints, self.robot.commanded.joint_size)
@@ -62,20 +61,20 @@ class Drifting:
 
 
 def held_out(found: Identification, poses: Poses) -> float:
-    """RMS distance between measured stops and what a fit of the same set-up predicts [m]."""
+    """RMS distance between measured poses and the predictions of a fit of the same set-up [m]."""
     missed = poses.point - found.chain.predict(poses.conditions, found.theta)
     return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
 
 
 def drawn(rng: np.random.Generator, sessions: int) -> Hidden:
-    """A step before the last session."""
+    """Draw a step before the last session."""
     what = str(rng.choice(list(KINDS)))
     size = float(KINDS[what] * rng.uniform(0.5, 2.0))
     return Hidden(what, f"joint_{rng.integers(1, 4)}", sessions - 1, size)
 
 
 def main() -> None:
-    """Draw histories, update, print the errors."""
+    """Draw histories, update them and print the errors."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--histories", type=int, default=10)
     parser.add_argument("--seed", type=int, default=0)
@@ -139,7 +138,7 @@ def main() -> None:
 
 
 def _placed(poses: Poses, robot: Robot, known: Carried) -> Identification:
-    """The machine as the history has it, placed by the new poses and not changed by them."""
+    """The machine as known from the history; the new poses determine only the set-up."""
     return identify(poses, robot, carried=replace(known, covariance=1e-12 * known.covariance))
 
 

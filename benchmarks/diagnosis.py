@@ -1,9 +1,9 @@
-"""What a diagnosis costs, and how it grows with the session and with the catalogue.
+"""Time of a diagnosis, and its growth with the session and with the catalogue.
 
     python benchmarks/diagnosis.py
 
-A simulated session of two hours is diagnosed alone and with others of the same machine behind it,
-each with its own plan and noise. And with half the catalogue.
+A simulated session of two hours is diagnosed alone and with further sessions of the same machine
+appended, each with its own plan and noise; and once more with half of the catalogue.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ SIZES = (1, 2, 5, 10)
 
 
 def surveyed(robot: Robot, seed: int) -> Survey:
-    """Two hours of a machine with nothing hidden, its own plan and noise for each seed."""
+    """Two-hour session of a machine without hidden effects; plan and noise depend on the seed."""
     plan = make_plan("rich", robot, seed=seed)
     session = simulate_session(draw_machine(robot, 1), plan, seed, period=RICH_PERIOD)
     return survey(session, robot.joints.names)
 
 
 def in_a_row(parts: list[Survey]) -> Survey:
-    """One session after the other, as if they were one."""
+    """Join sessions one after the other into one."""
     poses, conditions, path, begin, first = [], [], [], 0.0, 0
     for part in parts:
         poses.append(replace(part.poses, time=part.poses.time + begin))

@@ -4,10 +4,11 @@
     python benchmarks/doctor.py --clean 100      sessions without a mistake, with and without a
                                                  hidden effect
 
-Mistakes are made by test/mistakes.py, each kind at two sizes on six robots. Right is what names
-mistake, stream and, where the mistake has them, part and size, and nothing else but what the
-session cannot tell from it. `first` counts where it is the first name. `mended` counts where a fit
-of the mended session leaves at most 1.5 times what one of the clean session leaves.
+Mistakes are made by test/mistakes.py, each kind at two sizes on six robots. A result is right if
+it names the mistake, the stream and, where the mistake has them, part and size, and beyond that
+only mistakes that the session cannot distinguish from it. `first` counts the cases in which it is
+named first. `mended` counts those in which a fit of the repaired session leaves at most 1.5 times
+what a fit of the clean session leaves.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ _SLOW = 5.0  # [s]
 
 
 def left_by_a_fit(session, robot) -> float:
-    """Median distance that a fit of the whole machine leaves [m]."""
+    """Median residual distance of a fit of the whole machine [m]."""
     try:
         poses = collect(session, robot.joints.names, robot.commanded.joint_size)
         return Fitted(poses, robot).typical
@@ -48,7 +49,7 @@ def left_by_a_fit(session, robot) -> float:
 
 
 def mistakes(robots, kinds, seeds) -> None:
-    """The table of mistakes by kind, and what went wrong."""
+    """Print the table of mistakes by kind, and what went wrong."""
     count: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0, 0])
     wrong, begun = [], time.time()
     seconds = []
@@ -104,7 +105,7 @@ def mistakes(robots, kinds, seeds) -> None:
 
 
 def clean(robots, number: int, strength: float) -> None:
-    """Sessions without a mistake: without an effect, and with each that a machine can hide."""
+    """Check sessions without a mistake, with no effect and with each that can be hidden."""
     cases = (
         (f"{robots[k % len(robots)]} seed {1000 + k}", robots[k % len(robots)], 1000 + k, None)
         for k in range(number)
@@ -121,7 +122,7 @@ def clean(robots, number: int, strength: float) -> None:
 
 
 def claims(cases, strength: float) -> int:
-    """In how many sessions a mistake is claimed that was never made."""
+    """Number of sessions in which a mistake is reported that was never made."""
     count = 0
     for said, name, seed, cause in cases:
         effects = () if cause is None else {cause: {"strength": str(strength)}}
@@ -134,7 +135,7 @@ def claims(cases, strength: float) -> int:
 
 
 def causes_of(name: str) -> list[str]:
-    """What a robot can hide."""
+    """Effects that can be hidden in a robot."""
     robot = load_robot(name)
     tracker = robot.tracker
     chain = Chain(robot.detailed, tracker.reflector_offset, tracker.reflector_offset_prior)

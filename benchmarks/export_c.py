@@ -1,16 +1,17 @@
-"""What one call of an exported machine costs: C99 as `delta-cal export --format c` prints it.
+"""Time of one call of an exported machine in C99, as `delta-cal export --format c` writes it.
 
     python benchmarks/export_c.py                     a table, some minutes
     python benchmarks/export_c.py --calls 1000        fewer calls for each row
     python benchmarks/export_c.py --robot srbd cdpr8  some robots only
 
 A program in C calls `correct` for one command after the other, in motion and with a payload, and
-times each call by the monotonic clock (which costs some 30 ns itself). Compiled by `cc -O2`.
-Machines and effects are those of `commands.py`. Every command is called many times: `slowest
-command` is the largest of their medians, which is the code's own; `p99` and `longest` are of all
-calls, with what else the computer does. The columns of `one command` repeat the first command,
-whose work never changes: their spread is the computer's own. `corrected` says how many commands
-were, the others met a guard.
+times each call with the monotonic clock (which itself takes some 30 ns). It is compiled by `cc
+-O2`. Machines and effects are those of `commands.py`. Every command is called many times. `slowest
+command` is the largest of the medians of the commands, which is a property of the code; `p99` and
+`longest` are over all calls and include whatever else the computer does. The columns of `one
+command` repeat the first command, whose computation never changes, and show the scatter of the
+computer alone. `corrected` is the share of the commands that were corrected; the others were
+rejected by a guard.
 """
 
 from __future__ import annotations
@@ -129,7 +130,7 @@ COLUMNS = (
 
 
 def cases(names: list[str], each: bool) -> Iterator[tuple[str, str | None, tuple[Effect, ...]]]:
-    """Robots, models and effects that are timed."""
+    """Yield the robots, models and effects that are timed."""
     for name in names:
         robot = load_robot(name)
         for model in MODELS if name == DELTA else (None,):
@@ -143,7 +144,7 @@ def cases(names: list[str], each: bool) -> Iterator[tuple[str, str | None, tuple
 
 
 def measured(calibration: Calibration, calls: int) -> list[float]:
-    """What is told of a machine, see `COLUMNS`: times [us], percent corrected, room [kB]."""
+    """Values of one row, see `COLUMNS`: times [us], percentage corrected, memory [kB]."""
     files = c_files(calibration, "machine")
     robot = calibration.robot
     q = make_plan("identify", robot, count=COMMANDS, both_sides=False).joint

@@ -1,11 +1,12 @@
-"""The five-axis machine of paper 004: its swarms beside least squares, on its 18 measurement arcs.
+"""Five-axis machine of paper 004: its swarms against least squares, on its 18 measurement arcs.
 
     python benchmarks/five_axis.py                 the table: 20 machines, without and with noise
     python benchmarks/five_axis.py --settling      the paper's stepwise by the rule it leaves open
     python benchmarks/five_axis.py --conditions    by the condition of the error model
 
-Random machines have joint centres off by up to 0.03 mm. Poses are those of the machine at the
-joints that the drawing takes for the arcs; what was found is judged on arcs 7 and 8.
+The joint centres of random machines are off by up to 0.03 mm. The measured poses are those that
+the machine reaches with the nominal joint values of the arcs. The identified parameters are
+evaluated on arcs 7 and 8.
 """
 
 from __future__ import annotations
@@ -46,18 +47,19 @@ Array = NDArray[np.float64]
 
 MACHINE = load_robot("five_axis").model()
 NOMINAL = MACHINE.parameters.nominal
-# What can be identified: all but the x errors at struts 3, 4.
+# Identifiable parameters: all but the x errors at struts 3, 4.
 FREE = np.array(
     [row for row, name in enumerate(MACHINE.parameters.names) if name[-4:] not in ("_x_3", "_x_4")]
 )
-ERROR, BOX = 0.03e-3, 0.05e-3  # [m] half widths: of the machines, of the search
+ERROR, BOX = 0.03e-3, 0.05e-3  # [m] half widths: errors of the machines; search box
 SWARM = SwarmSettings()  # N = 80, t_max = 300, a from 1 to 0.5
 ROUNDS = 2
-# A direction at a time needs fewer moves: two rounds of all twenty stay in the paper's budget.
+# One direction at a time needs fewer moves: two rounds of all twenty stay within the paper's
+# budget.
 ONE_DIRECTION = replace(SWARM, iterations=120)
-BUDGET = SWARM.particles * SWARM.iterations * (len(FREE) + 1)  # of the paper's stepwise
-LEVER = 0.2  # [m] what an angle's error counts in the residual
-PRINTED_ERROR, PRINTED_DEVIATION = 10.0, 3.4369e-4  # [%], [mm] of the paper's stepwise
+BUDGET = SWARM.particles * SWARM.iterations * (len(FREE) + 1)  # of the paper's stepwise method
+LEVER = 0.2  # [m] factor for angles in the residual
+PRINTED_ERROR, PRINTED_DEVIATION = 10.0, 3.4369e-4  # [%], [mm] of the paper's stepwise method
 ON_ARC, ON_EVALUATION = 11, 16  # poses
 
 Method = Callable[[PoseResidual, np.random.Generator], SwarmResult]
@@ -65,7 +67,7 @@ Method = Callable[[PoseResidual, np.random.Generator], SwarmResult]
 
 @dataclass(frozen=True)
 class Arc:
-    """The platform's centre stands, the tool turns about one axis."""
+    """Arc on which the platform's centre stands still and the tool turns about one axis."""
 
     y: float  # [mm]
     z: float
@@ -82,10 +84,10 @@ class Arc:
 
 
 def _paper_arcs() -> Iterator[Arc]:
-    for z, most in ((1050, 20), (1150, 15), (950, 15)):  # 1 to 6
+    for z, most in ((1050, 20), (1150, 15), (950, 15)):  # arcs 1 to 6
         for axis in "XY":
             yield Arc(0, z, axis, -most, most)
-    for y, low, high in ((-100, -10, 0), (100, 0, 10)):  # 7 to 18
+    for y, low, high in ((-100, -10, 0), (100, 0, 10)):  # arcs 7 to 18
         for z in (1150, 1050, 950):
             yield Arc(y, z, "X", low, high)
             yield Arc(-y, z, "Y", -15, 15)
@@ -98,30 +100,30 @@ EVALUATED = np.concatenate([arc.poses(ON_EVALUATION) for arc in ARCS[6:8]])
 
 @dataclass(frozen=True)
 class Noise:
-    """Of a measured pose, after averaging."""
+    """Noise of a measured pose, after averaging."""
 
-    tip: float  # [m] each coordinate of the tool's tip
-    turn: float  # [rad] each angle
+    tip: float  # [m] of each coordinate of the tool tip
+    turn: float  # [rad] of each angle
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How well a machine was identified."""
+    """Errors and cost of an identification."""
 
-    percent: float  # largest error of a parameter over its own true value
+    percent: float  # largest error of a parameter relative to its true value
     error: float  # [m] largest error of a parameter
-    deviation: float  # [m] largest distance of the tool's tip on arcs 7, 8
+    deviation: float  # [m] largest error of the tool tip on arcs 7, 8
     evaluations: int
     seconds: float
 
 
 def tip(x: Array) -> Array:
-    """Tool's tip, (n, 3) [m]."""
+    """Position of the tool tip, (n, 3) [m]."""
     return MACHINE.position(x) + MACHINE.rotation(x) @ MACHINE.tool
 
 
 def measure(deviation: Array, noise: Noise | None, rng: np.random.Generator) -> PoseResidual:
-    """What a tracker says of a machine on the 18 arcs: tip's y, z and both angles."""
+    """Tracker measurement of a machine on the 18 arcs: y, z of the tip and both angles."""
     joint = MACHINE.inverse(MEASURED, NOMINAL)
     pose = MACHINE.forward(joint, geometry(deviation))
     if noise is not None:
@@ -135,14 +137,14 @@ def measure(deviation: Array, noise: Noise | None, rng: np.random.Generator) -> 
 
 
 def geometry(deviation: Array) -> Array:
-    """The machine's parameters, (24,)."""
+    """Parameters of the machine, (24,)."""
     values = NOMINAL.copy()
     values[FREE] += deviation
     return values
 
 
 def judge(found: SwarmResult, truth: Array, seconds: float) -> Outcome:
-    """Against the true deviations, (20,)."""
+    """Compare an identification with the true deviations, (20,)."""
     joint = MACHINE.inverse(EVALUATED, NOMINAL)
     reached, meant = (tip(MACHINE.forward(joint, geometry(d))) for d in (found.best, truth))
     error = np.abs(found.best - truth)
@@ -156,14 +158,14 @@ def judge(found: SwarmResult, truth: Array, seconds: float) -> Outcome:
 
 
 def condition() -> float:
-    """Of the error model about the drawing."""
+    """Condition number of the error model about the drawing."""
     nothing = np.zeros(len(FREE))
     slope = measure(nothing, None, np.random.default_rng(0)).jacobian(nothing)
     return float(np.linalg.cond(slope))
 
 
 def gain() -> float:
-    """Error of the tip over that of each joint's coordinates, root mean square over the arcs."""
+    """Error of the tip divided by the error of each joint's coordinates, RMS over the arcs."""
     joint = MACHINE.inverse(MEASURED, NOMINAL)
     by_pose = MACHINE.point_by_pose(MEASURED, MACHINE.tool)
     slope = by_pose @ MACHINE.identification_jacobian(joint, MEASURED, NOMINAL)
@@ -171,7 +173,7 @@ def gain() -> float:
 
 
 def methods() -> dict[str, Method]:
-    """The table's rows."""
+    """Methods, by the name of their row in the table."""
 
     def plain(settings: SwarmSettings) -> Method:
         return once(lambda r, box, rng: minimise(r, box, settings, rng))
@@ -200,17 +202,17 @@ def methods() -> dict[str, Method]:
 
 
 def once(search: Callable[[LinearResidual, Box, np.random.Generator], SwarmResult]) -> Method:
-    """One round about the drawing, the paper's error model."""
+    """One round about the drawing, with the paper's error model."""
     return lambda r, rng: in_rounds(r, search_box(), lambda line, box: search(line, box, rng), 1)
 
 
 def search_box() -> Box:
-    """The paper's, about the drawing."""
+    """The paper's search box, about the drawing."""
     return Box.about_zero(np.full(len(FREE), BOX))
 
 
 def trial(method: Method, seed: int, noise: Noise | None) -> Outcome:
-    """One machine, the same for every method of that seed."""
+    """Identify one machine, which is the same for every method with this seed."""
     truth = np.random.default_rng(seed).uniform(-ERROR, ERROR, len(FREE))
     measured = measure(truth, noise, np.random.default_rng([seed, 1]))
     begin = time.perf_counter()
@@ -219,7 +221,7 @@ def trial(method: Method, seed: int, noise: Noise | None) -> Outcome:
 
 
 def row(name: str, outcomes: list[Outcome]) -> str:
-    """A line of the table: medians, largest in brackets."""
+    """A line of the table: medians, with the largest values in brackets."""
     figures = {key: np.array([getattr(o, key) for o in outcomes]) for key in vars(outcomes[0])}
     good = (figures["percent"] <= PRINTED_ERROR) & (1e3 * figures["deviation"] < PRINTED_DEVIATION)
 
@@ -240,21 +242,21 @@ HEAD = (
 
 
 def table(machines: int, noise: Noise | None) -> None:
-    """Each method on the same machines."""
+    """Print the table of all methods on the same machines."""
     print(HEAD)
     for name, method in methods().items():
         print(row(name, [trial(method, seed, noise) for seed in range(machines)]), flush=True)
 
 
 def settling(machines: int) -> None:
-    """The paper's stepwise by when a parameter counts as settled, and with longer searches."""
+    """Print the paper's stepwise method with several settling rules, and with longer searches."""
     print(HEAD)
     rules = [
         (Settled(window, tolerance), SWARM)
         for window in (5, 20, 50, 100)
         for tolerance in (1e-1, 1e-2, 1e-3)
     ]
-    rules += [(Settled(SWARM.iterations, 0.0), SWARM)]  # whole searches
+    rules += [(Settled(SWARM.iterations, 0.0), SWARM)]  # complete searches
     rules += [(Settled(), replace(SWARM, iterations=300 * times)) for times in (3, 10)]
     for rule, swarm in rules:
         method = once(lambda r, box, rng, s=swarm, k=rule: stepwise(r, box, s, rng, k))
@@ -263,7 +265,7 @@ def settling(machines: int) -> None:
 
 
 def conditions(machines: int) -> None:
-    """The paper's two ways on error models of other condition: singular vectors kept."""
+    """Print the paper's two methods on error models of other condition, singular vectors kept."""
     each = "worst parameter [%] | parameters within 10 % | machines with all within 10 %"
     print(f"| condition | plain: {each} | stepwise: {each} |\n|---|---|---|---|---|---|---|")
     nothing = np.zeros(len(FREE))
@@ -285,7 +287,7 @@ def conditions(machines: int) -> None:
 
 
 def _on_model(search: Callable[..., SwarmResult], factor: Array, seed: int) -> Array:
-    """Errors of the parameters over their true values, (20,) [%], on a linear machine."""
+    """Errors of the parameters relative to their true values, (20,) [%], on a linear machine."""
     truth = np.random.default_rng(seed).uniform(-ERROR, ERROR, len(FREE))
     model = LinearResidual(factor, factor @ truth, 0.0)
     found = search(model, search_box(), SWARM, np.random.default_rng([seed, 2]))

@@ -1,10 +1,9 @@
-"""What a fleet brings and what it costs: priors, throughput, the page.
+"""Benefit and cost of a fleet: priors, throughput, the page.
 
-python benchmarks/fleet.py --priors [--spread 0.1] [--noise 10] [--machines 30] [--trials 8]
-python benchmarks/fleet.py --effects --noise 1 [--spread 0.1] [--machines 20] [--trials 6]
-python benchmarks/fleet.py --throughput
-python benchmarks/fleet.py --scale
-python benchmarks/fleet.py --page fleet.html
+python benchmarks/fleet.py --priors [--spread 0.1] [--noise 10] [--machines 30] [--trials 8] python
+benchmarks/fleet.py --effects --noise 1 [--spread 0.1] [--machines 20] [--trials 6] python
+benchmarks/fleet.py --throughput python benchmarks/fleet.py --scale python benchmarks/fleet.py
+--page fleet.html
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ from fleet_parts.shared import shared
 
 
 def main() -> None:
-    """Run what is asked for."""
+    """Run the benchmarks that are selected by options."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--priors", action="store_true")
     parser.add_argument("--effects", action="store_true")

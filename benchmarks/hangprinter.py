@@ -1,16 +1,17 @@
 """A real cable robot, calibrated by its own redundancy: `python benchmarks/hangprinter.py FOLDER`.
 
-Four lines hold a point, which has three freedoms: of every pose the lines' lengths must meet one
-condition, whether anybody measured the pose or not. Fitted are the anchors and the four gains
-(16 numbers) to 44 poses, 9 of them with a position by camera; the residuals are those of the
-closure, a length a line:
+Four lines hold a point with three degrees of freedom, so at every pose, measured or not, the
+lengths of the lines must satisfy one condition. The anchors and the four gains (16 numbers) are
+fitted to 44 poses, 9 of them with a position measured by camera. The residuals are those of the
+closure, one length per line:
 
     measured pose      f(q, x, g)                        4 conditions
     any other          f(q, x*, g), x* = forward(q, g)   4, of which the pose takes 3
 
-Without and with the drums' build-up (and with it free), and against lengths measured by hand at
-the origin, which no fit has seen. The counters are zero at the origin. Then what else the 16
-numbers could leave out, one cause at a time, each with the F test of its parameters.
+The fit is made without the drums' build-up, with its nominal value, and with it free, and compared
+with lengths measured by hand at the origin, which no fit uses. The counters are zero at the
+origin. Then other causes that the 16 numbers leave out are tried one at a time, each with the F
+test of its parameters.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "real" / "hangprinter"
 LINES = "ABCD"
 BUILD_UP = 0.06875e-3  # [m^2/m]
 BY_HAND = np.array([1.597, 1.795, 1.5825, 2.355])  # [m] at the origin; not used in any fit
-DRAWING = CableDimensions(  # rough anchors, to start from
+DRAWING = CableDimensions(  # rough anchors as start values
     anchors=1e-3
     * np.array([[0, -1590, -120], [1290, 1250, -160], [-1430, 740, -155], [0, 0, 2340]]),
     joints=np.zeros((4, 3)),
@@ -44,24 +45,24 @@ DRAWING = CableDimensions(  # rough anchors, to start from
     gear=np.full(4, 255 / 20),
     tackle=np.array([2.0, 2.0, 2.0, 4.0]),
     home_place=np.zeros(3),
-    pretension=30.0,  # assumed, as the mass is; the recorded forces are 7 to 37 N
+    pretension=30.0,  # assumed, like the mass; the recorded forces are 7 to 37 N
 )
-MASS = 1.5  # [kg] assumed; both matter to elasticity alone
-_STILL = 1e-9  # [m] by which a last step may change a closure
+MASS = 1.5  # [kg] assumed; mass and pretension matter to elasticity alone
+_STILL = 1e-9  # [m] change of a closure by the last step, at most
 _STEPS = 100
 
 
 @dataclass(frozen=True)
 class ClosureProblem:
-    """Joints that must fit some pose; the pose itself where it was measured."""
+    """Closures at measured poses, and at poses that follow from the joints."""
 
     mechanism: Mechanism
     joint: np.ndarray  # (n, m) [rad]
-    pose: np.ndarray  # (n, k), NaN rows where nobody looked
-    effects: tuple[Effect, ...] = ()  # of the drive, in proportion to their parameters
+    pose: np.ndarray  # (n, k), NaN rows where not measured
+    effects: tuple[Effect, ...] = ()  # of the drive, linear in their parameters
 
     def at(self, unknowns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Closures (n, r) and their slopes (n, r, p + c), unmeasured poses where they fit best."""
+        """Closures (n, r) and their slopes (n, r, p + c), unmeasured poses at their best fit."""
         robot, p = self.mechanism, len(self.mechanism.parameters)
         columns = self.columns()
         q, g = self.joint + columns @ unknowns[p:], unknowns[:p]
@@ -72,7 +73,7 @@ class ClosureProblem:
             [robot.closure_by_geometry(q, x, g), robot.closure_by_joints(q, x, g) @ columns], -1
         )
         by_pose = robot.closure_by_pose(q, x, g)
-        taken = by_pose @ np.linalg.pinv(by_pose)  # what a free pose takes out of the closure
+        taken = by_pose @ np.linalg.pinv(by_pose)  # part of the closure that a free pose absorbs
         slope = np.where(unseen[:, None, None], slope - taken @ slope, slope)
         return robot.closure(q, x, g), slope
 
@@ -85,17 +86,17 @@ class ClosureProblem:
 
     @property
     def conditions(self) -> int:
-        """Equations, less those that the unmeasured poses take up."""
+        """Number of equations, less the coordinates of the unmeasured poses."""
         unseen = int(np.isnan(self.pose).any(axis=1).sum())
         return self.joint.size - unseen * self.mechanism.pose_size
 
 
 @dataclass(frozen=True)
 class ClosureFit:
-    """Where the search came to rest."""
+    """Result of the fit."""
 
     unknowns: np.ndarray  # (p + c,) geometry, effects
-    std: np.ndarray  # (p + c,) from the residuals' own size
+    std: np.ndarray  # (p + c,) scaled by the size of the residuals
     closure: np.ndarray  # (n, r)
     conditions: int
     rank: int
@@ -106,7 +107,7 @@ class ClosureFit:
 
 
 def fit(problem: ClosureProblem, effects: np.ndarray, free: np.ndarray) -> ClosureFit:
-    """Gauss-Newton on the closures from the drawing; effects start at, or keep, their values."""
+    """Gauss-Newton on the closures from the nominal geometry; `free` masks the unknowns."""
     unknowns = np.append(problem.mechanism.parameters.nominal, effects)
     for _ in range(_STEPS):
         closure, slope = problem.at(unknowns)
@@ -140,14 +141,14 @@ def load(folder: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def model(free_zeros: bool = False) -> tuple[CableRobot, Robot]:
-    """The machine, and a robot's file for the effects, which read the masses alone."""
+    """The machine, and a robot file for the effects, which use its masses alone."""
     zero = 0.01 if free_zeros else None
     tolerances = CableTolerances(anchor=0.1, joint=0.0, gain=0.02, zero=zero)
     return CableRobot(DRAWING, tolerances), replace(load_robot("srbd"), masses=CableMasses(MASS))
 
 
 def fits(folder: Path = DATA) -> dict[str, ClosureFit]:
-    """Without build-up, with the nominal one, with it fitted."""
+    """Fits without build-up, with the nominal one, and with it free."""
     robot, file = model()
     problem = ClosureProblem(robot, *load(folder), (DrumBuildUp(file, robot),))
     free = np.ones(len(robot.parameters) + 1, dtype=bool)
@@ -160,7 +161,7 @@ def fits(folder: Path = DATA) -> dict[str, ClosureFit]:
 
 
 def rivals(folder: Path = DATA) -> dict[str, tuple[ClosureFit, float]]:
-    """One cause at a time beside the geometry: its fit and p, strongest first."""
+    """Fit one cause at a time beside the geometry: fits and p values, strongest first."""
     data, (plain, file), (zeros, _) = load(folder), model(), model(free_zeros=True)
     causes: dict[str, tuple[CableRobot, tuple[Effect, ...]]] = {
         "drum_build_up": (plain, (DrumBuildUp(file, plain),)),
@@ -180,13 +181,13 @@ def rivals(folder: Path = DATA) -> dict[str, tuple[ClosureFit, float]]:
 
 
 def missed_by_hand(found: ClosureFit) -> np.ndarray:
-    """Identified less hand-measured line lengths at the origin, (4,) [m]."""
+    """Identified minus hand-measured line lengths at the origin, (4,) [m]."""
     anchors = found.unknowns[:16].reshape(4, 4)[:, :3]
     return np.linalg.norm(anchors, axis=1) - BY_HAND
 
 
 def main(folder: Path) -> int:
-    """Print what each fit leaves."""
+    """Print the residuals of each fit."""
     for name, found in fits(folder).items():
         by_hand = zip(LINES, 1e3 * missed_by_hand(found), strict=True)
         missed = ", ".join(f"{line} {value:+.1f}" for line, value in by_hand)

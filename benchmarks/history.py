@@ -1,12 +1,12 @@
-"""Hidden histories: how often what changed, and when, is told right, and how often falsely.
+"""Hidden histories: how often a change and its time are reported correctly, and how often falsely.
 
-Each history is a simulated machine of its own, measured on twelve days with the tracker and the
-reflector set up anew; none, one or two numbers of it step in gaps drawn by lot, by sizes drawn
-evenly in their logarithm. With --speed all dimensions drift from day to day as well. With --few
-only every fourth session is a whole one; the others are so many places that `plan --update` chose
-after the first. Nothing of the search is told what was hidden. A change counts where its signal is
-strong enough: lambda is the decrease of chi square that the true step would bring, by the
-information of these sessions.
+Each history is a simulated machine, measured on twelve days with tracker and reflector set up
+again each time. None, one or two of its parameters step in randomly drawn gaps, by sizes drawn
+evenly in their logarithm. With --speed all dimensions also drift from day to day. With --few only
+every fourth session is a full one; the others have this number of places, chosen after the first
+session by `plan --update`. The search knows nothing of what was hidden. A change counts if its
+signal is strong enough: lambda is the decrease of chi square that the true step would bring,
+computed from the information of these sessions.
 
     python benchmarks/history.py [--histories 20] [--seed 0] [--plan identify] [--count 30]
         [--smallest 0.3] [--speed 0] [--few 0]
@@ -31,9 +31,9 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 
 STRONG = 80.0  # lambda
 SESSIONS = 12
-WHOLE = 4  # of so many sessions one is whole, where others are of few places
+WHOLE = 4  # with --few, one session in this many is a full one
 BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
-# what may step, and its typical size
+# parameters that may step, and their typical sizes
 KINDS = {
     "backlash": 1.5e-4,
     "joint_zero_offset": 2e-4,
@@ -54,7 +54,7 @@ class Hidden:
 
 
 def drawn(rng: np.random.Generator, smallest: float) -> tuple[Hidden, ...]:
-    """None, one or two changes of different causes, from `smallest` to two typical sizes."""
+    """Draw none, one or two changes of different causes, of `smallest` to two typical sizes."""
     count = int(rng.integers(3))
     what = rng.choice(list(KINDS), count, replace=False)
     return tuple(
@@ -69,7 +69,7 @@ def drawn(rng: np.random.Generator, smallest: float) -> tuple[Hidden, ...]:
 
 
 def drifted(machine: TrueMachine, seed: int, day: int, speed: float) -> TrueMachine:
-    """The machine so many days later, its dimensions on a walk of `speed` tolerances a day."""
+    """The machine after some days; its dimensions walk randomly by `speed` tolerances a day."""
     theta, own = machine.theta.copy(), machine.chain.layout.geometry
     prior = machine.chain.parameters.prior[own]
     steps = np.random.default_rng([seed, 19]).standard_normal((SESSIONS + 1, len(prior)))
@@ -86,7 +86,7 @@ def sessions_of(
     speed: float = 0.0,
     few: int = 0,
 ) -> list[Dated]:
-    """The days of one machine."""
+    """Sessions of one machine, one per day."""
     whole = poses = make_plan(plan, robot, count=count, seed=seed)
     sessions: list[Dated] = []
     for day in range(SESSIONS):
@@ -107,7 +107,7 @@ def sessions_of(
 
 
 def signals(steps: Steps, changes: Sequence[Hidden]) -> list[float]:
-    """lambda of each true change beside the others, by the information of the sessions."""
+    """Lambda of each true change beside the others, from the information of the sessions."""
     own = [_step(steps, change) for change in changes]
     found = []
     for step, change in zip(own, changes, strict=True):

@@ -1,14 +1,16 @@
-"""Tools that turn a closure into code: the same law of a leg by each, with its derivatives.
+"""Comparison of tools that generate code from a closure: a leg's law with its derivatives by each.
 
     python benchmarks/law_tools.py [--before FOLDER] [--runs 5] [--batch 10000] [--only NAME ...]
 
-The law is the closure of the Delta of six rods: 6 equations, 6 pose coordinates, 3 joints, 60
-dimensions. Each tool gives f, f_x, f_q and f_g of every sample as whole matrices; the dimensions
+The law is the closure of the six-rod Delta: 6 equations, 6 pose coordinates, 3 joints, 60
+dimensions. Each tool returns f, f_x, f_q and f_g of every sample as whole matrices; the dimensions
 are the same for all samples. Tools that are not installed are skipped: sympy, symengine, jax,
-symforce (in an environment of its own, it brings a symengine under the same name). `--before` is a
-checkout of the version whose laws were written by hand in numpy; it also adds the second table.
+symforce (which needs an environment of its own because it installs a symengine under the same
+name). `--before` is a checkout of the version whose laws were written by hand in numpy; it also
+adds the second table.
 
-Every tool runs in processes of its own, on one core, with an empty cache and then with a full one.
+Every tool runs in its own processes, on one core, first with an empty cache and then with a full
+one.
 """
 
 from __future__ import annotations
@@ -42,8 +44,8 @@ import numpy as np
 Evaluate = Callable[..., Any]  # q (n, 3), x (n, 6), g (60,) -> f, f_x, f_q, f_g
 
 SIZES = {"q": 1, "x": 6, "g": 20, "c": 2}  # of a leg's law, in the order of its workspace
-INPUTS, BY, ROWS = 29, 27, 2  # derivatives by all but c
-BASICS = ("numpy", "scipy", "numba", "llvmlite")  # what the package needs anyway
+INPUTS, BY, ROWS = 29, 27, 2  # derivatives with respect to all but c
+BASICS = ("numpy", "scipy", "numba", "llvmlite")  # required by the package anyway
 DRAWING = {
     "base_radius": 0.2,
     "platform_radius": 0.055,
@@ -51,34 +53,34 @@ DRAWING = {
     "rod": 0.85,
     "half_width": 0.04,
 }
-SAMPLES = 16  # on which the tools are compared
-LARGE = 2000  # samples of a batch in numpy, whose temporaries no longer fit a cache beyond
-TIMED_S = 1.0  # [s] at least, for a time a sample
+SAMPLES = 16  # for the comparison of the tools
+LARGE = 2000  # samples per batch in numpy; beyond this the temporaries no longer fit the cache
+TIMED_S = 1.0  # [s] shortest total time for a time per sample
 
 
 class Built(NamedTuple):
-    """What a tool has made of the law, and what that took."""
+    """Result of a tool, and the time that it took."""
 
     evaluate: Evaluate
     generate: float | None = None  # [s]
-    law: float | None = None  # [s] generated and compiled, without the loop over samples
-    alone: Callable[[int], Any] | None = None  # the law so many times, nothing written out
+    law: float | None = None  # [s] to generate and compile, without the loop over samples
+    alone: Callable[[int], Any] | None = None  # evaluates the law this many times, without output
 
 
 class Tool(NamedTuple):
-    """A tool: what makes its code, which distribution it is, which module it has at run time."""
+    """A tool: the function that builds its code, its distribution, its run-time module."""
 
     build: Callable[[Path], Built]
     distribution: str
     module: str
-    written: Callable[[], int]  # lines of the law that somebody writes
+    written: Callable[[], int]  # number of lines of the law to be written by hand
 
 
-# --- what all of them are given ------------------------------------------------------------------
+# --- input of all tools --------------------------------------------------------------------------
 
 
 def samples(n: int) -> tuple[Any, Any, Any]:
-    """Joints (n, 3), poses (n, 6) and dimensions (60,), all legs unlike."""
+    """Joints (n, 3), poses (n, 6) and dimensions (60,), different for all legs."""
     rng = np.random.default_rng(1)
     q = rng.uniform(0.0, 0.6, (n, 3))
     place = np.array([0.0, 0.0, -0.7]) + 0.1 * rng.normal(size=(n, 3))
@@ -89,13 +91,13 @@ def samples(n: int) -> tuple[Any, Any, Any]:
 
 
 def stands() -> Any:
-    """Cosine and sine of where the legs stand, (3, 2)."""
+    """Cosine and sine of the directions of the legs, (3, 2)."""
     angle = 2 * np.pi / 3 * np.arange(3)
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def law_in(functions: Any) -> Evaluate:
-    """The package's own law, in another tool's arrays: its vocabulary is exchanged."""
+    """The package's own law on another tool's arrays, by exchanging the functions it uses."""
     from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
     from delta_calibration.model import symbols
 
@@ -104,7 +106,7 @@ def law_in(functions: Any) -> Evaluate:
 
 
 def vocabulary(xp: Any, functions: Any) -> SimpleNamespace:
-    """What symbols.py asks of CasADi, by arrays of numpy's kind."""
+    """The functions that symbols.py uses of CasADi, for arrays in the manner of numpy."""
 
     def skew(w: Any) -> Any:
         return xp.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
@@ -125,14 +127,14 @@ def vocabulary(xp: Any, functions: Any) -> SimpleNamespace:
 
 
 def ours(folder: Path, staged: bool = True, each: bool = False) -> Built:
-    """As the package does it; also without stages, and with dimensions of their own a sample."""
+    """The package's own way; optionally without stages, or with dimensions per sample."""
     from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
     from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
     from delta_calibration.model import kernels
 
     os.environ["XDG_CACHE_HOME"] = str(folder)
     model = SixRodDelta(DeltaDimensions(**DRAWING), DeltaTolerances(*8 * (1e-3,)))
-    law = replace(model._closure, name="law_tools")  # not the one that comes with the package
+    law = replace(model._closure, name="law_tools")  # not the law shipped with the package
     if not staged:
         law = replace(law, fixed=(), shared=())
     model.__dict__["_closure"] = law
@@ -224,7 +226,7 @@ JIT = '@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 
 
 def looped(folder: Path, source: Callable[[], str], scratch: int = 1) -> Built:
-    """A function `law(w, work)` of a leg's workspace, written to a file once, in the loop."""
+    """Write a function `law(w, work)` of a leg's workspace to a file once; put it in the loop."""
     path, spent = folder / "generated_law.py", 0.0
     if not path.exists():
         begin = time.perf_counter()
@@ -253,14 +255,14 @@ def module_of(path: Path) -> ModuleType:
 
 
 def outputs(equation: Evaluate, entries: list[Any]) -> list[Any]:
-    """The law's two outputs, then its derivatives row by row: of symbols that know `diff`."""
+    """The law's two outputs, then their derivatives row by row, for symbols that have `diff`."""
     q, x, g, c = entries[0], entries[1:7], entries[7:27], entries[27:]
     f = list(equation(q, *(np.array(part, dtype=object) for part in (x, g, c))))
     return f + [gap.diff(entry) for gap in f for entry in entries[:BY]]
 
 
 def printed(found: tuple[Any, Any], text: Callable[[Any], str]) -> str:
-    """Common subexpressions and outputs as a function."""
+    """Print common subexpressions and outputs as a function."""
     lines = [f"i{k} = w[{k}]" for k in range(INPUTS)]
     lines += [f"{name} = {text(value)}" for name, value in found[0]]
     lines += [f"w[{INPUTS + k}] = {text(value)}" for k, value in enumerate(found[1])]
@@ -283,7 +285,7 @@ def by_symengine() -> str:
 
 
 def by_symforce(folder: Path) -> Built:
-    """Its generated function, `numba.njit` and checks included, as it writes it."""
+    """The function generated by SymForce, unchanged, with its `numba.njit` and its checks."""
 
     def source() -> str:
         import_module("symforce")
@@ -315,7 +317,7 @@ def elementwise(functions: Any) -> SimpleNamespace:
 
 
 def by_machine(folder: Path) -> Built:
-    """The law's instructions interpreted by CasADi, mapped over legs and samples."""
+    """The law's instructions, interpreted by CasADi and mapped over legs and samples."""
     casadi, path = import_module("casadi"), folder / "leg.casadi"
     if not path.exists():
         w = casadi.SX.sym("w", INPUTS)
@@ -344,7 +346,7 @@ def by_machine(folder: Path) -> Built:
 
 
 def by_jax(folder: Path, forward: bool = True) -> Built:
-    """Mapped over legs and samples; its own cache of compiled code."""
+    """The law mapped over legs and samples, with JAX's own cache of compiled code."""
     flags = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
     os.environ["XLA_FLAGS"] = flags
     jax = import_module("jax")
@@ -374,8 +376,8 @@ def by_jax(folder: Path, forward: bool = True) -> Built:
 
 
 # --- dual numbers by hand ------------------------------------------------------------------------
-# A number is a row of `t`: its value, then its 27 derivatives; `at[0]` is the next free row, kept
-# in the array's last row. This is what somebody writes once:
+# A number is a row of `t`: its value, then its 27 derivatives. `at[0]`, in the last row of the
+# array, is the next free row. This part is written once:
 
 DUALS = """
 @njit(cache=True, inline="always")
@@ -474,7 +476,7 @@ def stood(t, c, s, a):
     return lin(t, c, a[0], -s, a[1]), lin(t, s, a[0], c, a[1]), a[2]
 
 """
-# and this for each mechanism:
+# This part is written for each mechanism:
 DUAL_LAW = """
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def law(w, t):
@@ -511,7 +513,7 @@ def law(w, t):
 
 
 def by_numpy(folder: Path) -> Built:
-    """The earlier version's four functions (its folder comes first on the path)."""
+    """The four functions of the earlier version (its folder comes first on the path)."""
     del folder
     from delta_calibration.mechanisms.delta_leg import DeltaDimensions, DeltaTolerances
     from delta_calibration.mechanisms.six_rod_delta import SixRodDelta
@@ -525,11 +527,11 @@ def by_numpy(folder: Path) -> Built:
     return Built(evaluate)
 
 
-# --- lines that somebody writes ------------------------------------------------------------------
+# --- lines to be written by hand -----------------------------------------------------------------
 
 
 def lines_of(source: str) -> int:
-    """Lines of code: without those that are empty, documentation or comments."""
+    """Number of lines of code without blank lines, docstrings and comments."""
     tree = ast.parse(dedent(source))
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef) and ast.get_docstring(node):
@@ -544,7 +546,7 @@ def symbolic_lines() -> int:
 
 
 def numpy_lines(folder: Path) -> int:
-    """Of the four functions and those of the same file that they call."""
+    """Lines of the four functions and of the functions in the same file that they call."""
     path = folder / "delta_calibration" / "mechanisms" / "six_rod_delta.py"
     tree = ast.parse(path.read_text(encoding="utf-8"))
     own = {node.name: node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
@@ -587,11 +589,11 @@ TOOLS = {
     "numpy by hand (before)": Tool(by_numpy, "numpy", "numpy", lambda: 0),
 }
 BEFORE = "numpy by hand (before)"
-IMPORTED = {"SymForce to numba": "symforce.symbolic"}  # to generate, where that is another module
+IMPORTED = {"SymForce to numba": "symforce.symbolic"}  # module to generate with, if another
 
 
 def child(name: str, folder: Path, batch: int, timed: bool) -> None:
-    """One tool in this process; its figures as JSON."""
+    """Run one tool in this process; print its results as JSON."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     start, tool = float(os.environ["LAW_TOOLS_START"]), TOOLS[name]
@@ -634,7 +636,7 @@ def timed_call(evaluate: Evaluate, given: tuple[Any, Any, Any]) -> float:
 
 
 def timed_count(alone: Callable[[int], Any], count: int = 20_000) -> float:
-    """Shortest time of one law of the whole machine [s]."""
+    """Shortest time of one evaluation of the law for the whole machine [s]."""
     alone(1)
     best = np.inf
     for _ in range(20):
@@ -645,7 +647,7 @@ def timed_count(alone: Callable[[int], Any], count: int = 20_000) -> float:
 
 
 def process(code: list[str], folder: Path, path: Path, limit: float | None = None) -> str:
-    """What a new process prints, with its caches in a folder and this package first."""
+    """Output of a new process, with its caches in a folder and this package first on the path."""
     where = {"PYTHONPATH": str(path), "NUMBA_CACHE_DIR": str(folder / "numba")}
     environment = {**os.environ, **where, "XDG_CACHE_HOME": str(folder)}
     environment["LAW_TOOLS_START"] = repr(time.time())
@@ -663,7 +665,7 @@ def process(code: list[str], folder: Path, path: Path, limit: float | None = Non
 
 
 def trial(name: str, path: Path, runs: int, batch: int, keep: Path) -> dict[str, Any]:
-    """A tool with an empty cache, then with a full one; the least of each figure."""
+    """Run a tool with an empty cache, then with a full one; the smallest of each value counts."""
     made: list[dict[str, Any]] = []
     again: list[dict[str, Any]] = []
     for run in range(2):
@@ -691,7 +693,7 @@ def written(value: float | None, scale: float, digits: int) -> str:
 
 
 def import_of(module: str, runs: int) -> dict[str, float]:
-    """Time to import a tool beyond numpy, in new processes [s]."""
+    """Time to import a tool in addition to numpy, in new processes [s]."""
     code = f"import numpy, time; b = time.perf_counter(); import {module}; "
     code += "print(time.perf_counter() - b)"
     text = [process(["-c", code], Path(tempfile.gettempdir()), Path()) for _ in range(runs)]
@@ -699,7 +701,7 @@ def import_of(module: str, runs: int) -> dict[str, float]:
 
 
 def installed(distribution: str) -> float:
-    """Bytes that a distribution and what it requires add to what the package needs anyway."""
+    """Bytes that a distribution and its requirements add to what the package needs anyway."""
     todo, found = [distribution], set()
     while todo:
         name = re.split(r"[^\w.-]", todo.pop().strip())[0].lower().replace("_", "-")
@@ -725,7 +727,7 @@ def present(tool: Tool) -> bool:
 
 
 def rows(before: Path | None, runs: int, batch: int, only: list[str]) -> Iterator[str]:
-    """The table, a tool a row."""
+    """Yield the table, a row per tool."""
     here = Path(__file__).parents[1]
     yield (
         "| | a sample of a batch [us] | law alone [us] | one call [us] | generate [s] "
@@ -760,7 +762,7 @@ def rows(before: Path | None, runs: int, batch: int, only: list[str]) -> Iterato
 
 
 def arm(tool: str, chained: bool) -> None:
-    """Print how long a six-axis arm's closure takes to generate [s], its derivatives by all."""
+    """Print the time to generate a six-axis arm's closure with all derivatives [s]."""
     from delta_calibration.mechanisms.serial_arm import SerialArm
     from delta_calibration.model.law import Law
 
@@ -788,7 +790,7 @@ def arm(tool: str, chained: bool) -> None:
 
 
 def chain_rule(tools: Any, f: list[Any], entries: Any) -> tuple[list[Any], list[Any]]:
-    """Lines (name, value) of f and its slopes: subexpressions first, then these one by one."""
+    """Lines (name, value) of f and its derivatives: subexpressions first, then the values."""
     parts, last = tools.cse(f)
     known: dict[Any, dict[int, Any]] = {entry: {k: 1} for k, entry in enumerate(entries)}
 
@@ -812,7 +814,7 @@ def chain_rule(tools: Any, f: list[Any], entries: Any) -> tuple[list[Any], list[
 
 
 def larger(limit: float = 120.0) -> Iterator[str]:
-    """The same for a larger law."""
+    """Yield the same table for a larger law."""
     yield "| closure of a six-axis arm, its derivatives by 51 numbers | generate [s] |"
     yield "|---|---:|"
     here = Path(__file__).parents[1]
@@ -841,7 +843,7 @@ print(loaded - begin, time.perf_counter() - loaded)
 
 
 def starts(before: Path | None, runs: int) -> Iterator[str]:
-    """What a process waits for until the first pose, caches full."""
+    """Yield the times until a process has its first pose, with full caches."""
     yield "| | import of the mechanisms [s] | first forward [s] |"
     yield "|---|---:|---:|"
     code, here = ["-c", FIRST.format(drawing=DRAWING)], Path(__file__).parents[1]

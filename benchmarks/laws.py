@@ -1,9 +1,9 @@
-"""How often a law of what has no name is right: hidden structures, causes taken out, clean ones.
+"""How often a law is right: for hidden structures, for removed causes, and on clean machines.
 
     PYTHONPATH=test:benchmarks python benchmarks/laws.py --seed 1 --each 2 --clean 20
 
-A table by kind: laws told; stage, part, variables and form right among them; error where nothing
-was measured, calibrated and with the law.
+The table shows for each kind: the laws reported; how many of these have the right stage, part,
+variables and form; and the error where nothing was measured, calibrated and with the law.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _WEAK, _STRONG = 160.0, 3000.0  # lambda
 
 
 def tasks(seed: int, each: int, clean: int) -> list[Task]:
-    """Every kind and every cause so many times, each of its own strength, and clean ones."""
+    """Make tasks: each kind and each cause `each` times with a random strength, and clean ones."""
     rng = np.random.default_rng([seed, 9])
 
     def strength() -> float:
@@ -48,7 +48,7 @@ def tasks(seed: int, each: int, clean: int) -> list[Task]:
 
 
 def outcome(key: str) -> dict[str, Any]:
-    """One trial: what was told, and what of it is right."""
+    """Result of one trial: what was reported, and what of it is right."""
     task, found = Task.of_key(key), judge(key)
     named = [f["cause"] for f in found["findings"] if f["confidence"] > 0.8]
     law = judge_law(truth_of(scaled(task)[0]), found["laws"])
@@ -67,7 +67,7 @@ def outcome(key: str) -> dict[str, Any]:
 
 
 def page(results: list[dict[str, Any]]) -> str:
-    """The table."""
+    """Format the table."""
     head = "| kind | sessions | unknown | named | laws | stage | part | variables | form | um |"
     lines = [head, "|---|---" + "|---:" * 8 + "|"]
     for group in dict.fromkeys(r["group"] for r in results):
@@ -90,7 +90,7 @@ def _count(told: list[dict[str, Any]], key: str) -> str:
 
 
 def main() -> None:
-    """Run, keep each outcome, write the table."""
+    """Run the trials, keep each result, write the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--each", type=int, default=2)

@@ -1,12 +1,12 @@
-"""Every method on every robot: how far off its machine is where it was not measured, at what cost.
+"""Every method on every robot: error at places that were not measured, and cost.
 
     python benchmarks/methods.py            the table, written into docs/methods.md
     python benchmarks/methods.py --print    the same on the screen alone
 
-Machines drawn from each robot's tolerances, measured once at 40 places. Judged at 100 other places
-on the machine itself, without noise: the distance between where it puts the reflector and where
-the fit says it does. Time is that of the process, over the time of least squares on the same
-session in the same run.
+Machines are drawn within each robot's tolerances and measured once at 40 places. At 100 other
+places the distance between the reflector positions of the machine, without noise, and of the fit
+is evaluated. Time is process time, relative to that of least squares on the same session in the
+same run.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ Array = NDArray[np.float64]
 PAGE = Path(__file__).parents[1] / "docs" / "methods.md"
 BEGIN, END = "<!-- benchmarks/methods.py begins -->\n", "<!-- benchmarks/methods.py ends -->\n"
 MEASURED, JUDGED = 40, 100  # places
-ELSEWHERE = 1000  # added to the seed of the places to judge at
+ELSEWHERE = 1000  # added to the seed for the places of evaluation
 NOTHING = "nominal + frame"
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """How one method did on one machine."""
+    """Result of one method on one machine."""
 
-    off: float  # [m] root mean square distance, elsewhere
+    off: float  # [m] root mean square distance at the other places
     worst: float  # [m] largest
     misfit: float  # root mean square whitened residual of the session itself
     evaluations: int
@@ -57,14 +57,14 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """A measured machine, and what it does elsewhere."""
+    """A measured machine, and its positions at other places."""
 
     problem: Problem
     joint: Array  # (JUDGED, m)
     reached: Array  # (JUDGED, 3) [m] in the tracker's frame
 
     def judge(self, theta: Array, evaluations: int, seconds: float) -> Outcome:
-        """What a fit is worth."""
+        """Evaluate a fit at the other places."""
         said = self.problem.chain.predict(standing(self.joint), theta)
         off = np.linalg.norm(said - self.reached, axis=1)
         residual = self.problem.linearized(theta).residual
@@ -75,7 +75,7 @@ class Case:
 
 
 def case(name: str, seed: int) -> Case:
-    """A machine of a robot, drawn and measured."""
+    """Draw a machine of a robot, and measure it."""
     robot = load_robot(name)
     machine: TrueMachine = draw_machine(robot, seed)
     plan = make_plan("identify", robot, count=MEASURED, seed=seed)
@@ -86,7 +86,7 @@ def case(name: str, seed: int) -> Case:
 
 
 def trial(measured: Case, method: Method, seed: int) -> Outcome:
-    """One method on one machine."""
+    """Run one method on one machine."""
     begin = time.process_time()
     fit = method.fit(measured.problem, np.random.default_rng([seed, 2]), lambda _: None)
     seconds = time.process_time() - begin
@@ -100,7 +100,7 @@ def methods() -> dict[str, Method]:
 
 
 def outcomes(name: str, seeds: int) -> dict[str, list[Outcome]]:
-    """Of each method on the same machines."""
+    """Results of each method on the same machines."""
     found: dict[str, list[Outcome]] = {method: [] for method in (NOTHING, *methods())}
     for seed in range(seeds):
         measured = case(name, seed)
@@ -111,7 +111,7 @@ def outcomes(name: str, seeds: int) -> dict[str, list[Outcome]]:
 
 
 def rows(name: str, seeds: int) -> list[str]:
-    """A robot's part of the table: medians, largest in brackets."""
+    """The rows of one robot: medians, with the largest values in brackets."""
     found = outcomes(name, seeds)
     usual = np.array([o.seconds for o in found[METHODS[0]]])
     lines = []
@@ -130,7 +130,7 @@ def rows(name: str, seeds: int) -> list[str]:
 
 
 def table(seeds: int, jobs: int) -> str:
-    """All robots, so many at a time."""
+    """The table of all robots, `jobs` robots at a time."""
     head = (
         "| robot | method | off elsewhere, mm RMS | worst place, mm | misfit | evaluations "
         "| time |\n|---|---|---|---|---|---|---|"

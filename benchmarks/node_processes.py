@@ -1,4 +1,4 @@
-"""What `node_rate.py` and `soak.py` share: processes of nodes, and a calibration for them."""
+"""Shared by `node_rate.py` and `soak.py`: processes of nodes, and a calibration for them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 
 
 def identified(robot: Robot, seed: int = 1) -> tuple[Identification, Poses]:
-    """A drawn machine of this robot, measured and fitted."""
+    """Draw a machine of this robot, measure and fit it."""
     plan = make_plan("identify", robot, count=24, dwell=0.4)
     session = simulate_session(draw_machine(robot, seed), plan, seed)
     poses = collect(session, robot.joints.names)
@@ -36,7 +36,7 @@ def identified(robot: Robot, seed: int = 1) -> tuple[Identification, Poses]:
 def with_effects(
     found: Identification, robot: Robot, effects: Mapping[str, tuple[Mapping[str, object], float]]
 ) -> Identification:
-    """The fit with these effects: settings of each by its cause, and the value it has."""
+    """The fit with these effects added: settings and value of each, by its cause."""
     mechanism = found.chain.mechanism
     made = [effect_named(cause, robot, mechanism, shape) for cause, (shape, _) in effects.items()]
     pairs = zip(made, effects.values(), strict=True)
@@ -51,7 +51,7 @@ def with_effects(
 
 
 class Processes:
-    """Pythons on a ROS domain of their own; what is left at the end is ended."""
+    """Python processes on their own ROS domain; those still running at the end are stopped."""
 
     def __init__(self, logs: Path) -> None:
         self.logs = logs
@@ -62,7 +62,7 @@ class Processes:
         self._running: list[subprocess.Popen[bytes]] = []
 
     def start(self, name: str, module: str, arguments: Sequence[str]) -> subprocess.Popen[bytes]:
-        """Run `python -m module`; its output goes on in the log of its name."""
+        """Run `python -m module`; its output is appended to the log of this name."""
         with (self.logs / f"{name}.log").open("ab") as log:
             child = subprocess.Popen(
                 [sys.executable, "-m", module, *arguments],
@@ -76,14 +76,14 @@ class Processes:
         return child
 
     def call(self, service: str, *value: str) -> None:
-        """Call a service and be told that it succeeded."""
+        """Call a service, and raise an error if it does not succeed."""
         arguments = [service, *value, str(PATIENCE_S)]
         child = self.start("trigger", "delta_calibration.ros.trigger", arguments)
         if child.wait(PATIENCE_S + 10.0) != 0:
             raise RuntimeError(f"{service}: {(self.logs / 'trigger.log').read_text()}")
 
     def stop(self) -> None:
-        """End all, in order or by force."""
+        """Stop all processes, with SIGINT and then SIGKILL."""
         for order in (signal.SIGINT, signal.SIGKILL):
             alive = [child for child in self._running if child.poll() is None]
             for child in alive:
@@ -99,7 +99,7 @@ class Processes:
 
 @contextmanager
 def processes(logs: Path) -> Iterator[Processes]:
-    """Processes for as long as they are wanted."""
+    """Context with processes that are stopped at its end."""
     logs.mkdir(parents=True, exist_ok=True)
     running = Processes(logs)
     try:
@@ -115,6 +115,6 @@ def given(**parameters: object) -> list[str]:
 
 
 def motion(middle: np.ndarray, t: float) -> np.ndarray:
-    """A smooth command (3,) [rad] about the middle, never twice the same."""
+    """A smooth command (3,) [rad] about the middle that never repeats."""
     turn = np.array([0.0, 2.1, 4.2])
     return middle + 0.05 * np.sin(2.0 * t + turn) + 0.02 * np.sin(5.3 * t)

@@ -1,14 +1,15 @@
-"""The calibration node at 1 kHz, three processes, beside nodes that only pass messages on.
+"""Latency of the calibration node at 1 kHz, beside nodes that only pass messages on.
 
     python benchmarks/node_rate.py [--seconds 60] [--round 2] [--priority 0]
 
-A commander publishes joint commands, a node sends them on, a listener takes the time from the one
-to the other by the machine's steady clock; both go before other programs where the system lets
-them. In turns of `--round` seconds the commands go through an ordinary node (`rclpy.spin`) that
-copies each message into one of its own, the same node on the executor that the calibration node
-has, one on it that sends on the bytes as they came, and the calibration node, compensating by
-geometry alone, with play of the drives, and with three effects; so all see the same machine. Then
-the rate is raised until messages are lost.
+Three processes: a commander publishes joint commands, a node sends them on, and a listener
+measures the time between the two by the machine's steady clock. Commander and listener run at a
+higher priority than other programs if the system allows it. In turns of `--round` seconds the
+commands pass through: an ordinary node (`rclpy.spin`) that copies each message into one of its
+own; the same node on the executor of the calibration node; a node on that executor that sends on
+the serialised bytes; and the calibration node, compensating by geometry alone, with backlash, and
+with three effects. By taking turns all see the same load of the machine. Then the rate is raised
+until messages are lost.
 """
 
 from __future__ import annotations
@@ -58,24 +59,24 @@ WAYS = (*PASSING, *EFFECTS)
 SPACE = {way: "/" + way.replace(" ", "_") for way in WAYS}
 RATES = (1000, 1500, 2000, 2500, 3000, 4000, 5000)
 RATE_S = 2.0  # [s] at each of the rates
-SILENCE_S = 3.0  # [s] after which a listener has heard all
+SILENCE_S = 3.0  # [s] without messages after which a listener ends
 SETTLE_S = 2.0  # [s] for a listener to find all nodes
-TOLD_S = 0.2  # [s] before a turn, for a node to hear of the conditions
-BEGIN_S = 0.1  # [s] of a turn that is not counted: after a pause a node is not in its stride
-KEPT_UP = 0.98  # of the rate, that the commander itself has to manage
+TOLD_S = 0.2  # [s] before a turn, for a node to receive the conditions
+BEGIN_S = 0.1  # [s] at the begin of a turn that are not counted: after a pause a node is slower
+KEPT_UP = 0.98  # share of the rate that the commander itself has to reach
 NODE = "delta_calibration.ros.calibration_node"
-BEFORE = 40  # priority of commander and listener
+BEFORE = 40  # priority of commander and listener, before other programs
 
 
 def run_node(build: Any, name: str) -> int:
-    """A role of this script as a node; rclpy is there in the roles only."""
+    """Run a role of this script as a node; rclpy is imported in the roles only."""
     from delta_calibration.ros.runtime import run
 
     return run(build, name, [name])
 
 
 def command(plan: str, out: str) -> int:
-    """Publish by a plan `way:seconds:rate,...`; write when each message was, by way and block."""
+    """Publish by a plan `way:seconds:rate,...`; write each message's time by way and block."""
     from geometry_msgs.msg import InertiaStamped
     from sensor_msgs.msg import JointState, Temperature
 
@@ -104,14 +105,14 @@ def command(plan: str, out: str) -> int:
             }
 
         def tell(self, way: str) -> None:
-            """The conditions that effects go by: without them a node takes longer, and says so."""
+            """Send the conditions that effects need; without them a node is slower and warns."""
             arm, held = Temperature(temperature=24.0), InertiaStamped()
             arm.header.frame_id, held.inertia.m = "arm", 1.0
             for publisher, message in zip(self.around.get(way, ()), (arm, held), strict=False):
                 publisher.publish(message)
 
         def find_all(self) -> None:
-            """Wait until every node listens: what is told before that, it never hears."""
+            """Wait until every node subscribes: it never receives what is sent before that."""
             told = [publisher for pair in self.around.values() for publisher in pair]
             until = time.monotonic() + PATIENCE_S
             while missing := [
@@ -154,7 +155,7 @@ def command(plan: str, out: str) -> int:
 
 
 def listen(out: str) -> int:
-    """Write when each message came, by its stamp; end when nothing comes any more."""
+    """Write the time at which each message arrives, by its stamp; end when none come any more."""
     from sensor_msgs.msg import JointState
 
     from delta_calibration.ros.conversions import stamp_to_ns
@@ -186,7 +187,7 @@ def listen(out: str) -> int:
 
 
 def pass_on(way: str, priority: str) -> int:
-    """Send a command on: copied into the robot's order, or its bytes as they came."""
+    """Send commands on: copied into the robot's joint order, or as serialised bytes."""
     import rclpy
     from sensor_msgs.msg import JointState
 
@@ -220,7 +221,7 @@ def pass_on(way: str, priority: str) -> int:
 
 
 def measured(cell: Processes, plan: list[tuple[str, float, float]], name: str) -> list[np.ndarray]:
-    """Latencies [ms] of each block, one for every message sent, infinite for one lost."""
+    """Latencies [ms] of each block: one for every message sent, infinite for a lost one."""
     sent_file, heard_file = (cell.logs / f"{name}_{what}.npy" for what in ("sent", "heard"))
     listener = cell.start("listener", "node_rate", ["listen", str(heard_file)])
     text = ",".join(f"{way}:{seconds}:{rate}" for way, seconds, rate in plan)
@@ -236,14 +237,14 @@ def measured(cell: Processes, plan: list[tuple[str, float, float]], name: str) -
         stamps = sent[sent[:, 0] == block, 1][int(BEGIN_S * rate) :]
         took = np.array([(came.get(s, np.inf) - s) * 1e-6 for s in stamps.tolist()])
         span = (stamps[-1] - stamps[0]) * 1e-9
-        if len(stamps) < KEPT_UP * rate * span:  # the commander is what is too slow
+        if len(stamps) < KEPT_UP * rate * span:  # the commander itself is too slow
             took = np.append(took, np.nan)
         blocks.append(took)
     return blocks
 
 
 def latencies(cell: Processes, seconds: float, turn: float) -> None:
-    """The table at 1 kHz."""
+    """Print the table at 1 kHz."""
     turns = max(round(seconds / turn), 1)
     plan = [(way, turn, 1000.0) for _ in range(turns) for way in WAYS]
     blocks = measured(cell, plan, "latency")
@@ -264,12 +265,12 @@ def latencies(cell: Processes, seconds: float, turn: float) -> None:
 
 
 def percentiles(took: np.ndarray) -> np.ndarray:
-    """Median and p99 [ms] of the messages that came."""
+    """Median and p99 [ms] of the messages that arrived."""
     return np.percentile(took[np.isfinite(took)], [50, 99])
 
 
 def rates(cell: Processes) -> None:
-    """The highest rate of the list, up to which nothing was lost."""
+    """Print the highest rate of the list up to which nothing was lost."""
     print()
     plan = [(way, RATE_S, float(rate)) for rate in RATES for way in WAYS]
     blocks = measured(cell, plan, "rate")
@@ -300,7 +301,7 @@ def bench(seconds: float, turn: float, priority: int) -> int:
                 calibration=calibration,
                 ramp_s=0.0,
                 realtime_priority=priority,
-                temperature_timeout_s=86400.0,  # it is told once
+                temperature_timeout_s=86400.0,  # it is sent once
             )
             cell.start(f"node_{way}", NODE, [*node, "-r", f"__ns:={SPACE[way]}"])
         for way in PASSING:
@@ -314,7 +315,7 @@ def bench(seconds: float, turn: float, priority: int) -> int:
 
 
 def main() -> int:
-    """Measure, or play one of the roles."""
+    """Measure, or run one of the roles."""
     roles = {"command": command, "listen": listen, "pass_on": pass_on}
     if len(sys.argv) > 1 and sys.argv[1] in roles:
         return roles[sys.argv[1]](*sys.argv[2:])

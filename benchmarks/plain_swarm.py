@@ -1,7 +1,7 @@
-"""The swarm of compensation/apso.py as one would first write it: plain Python, one target.
+"""The swarm of compensation/apso.py in a straightforward form: plain Python, one target.
 
-Lists and `math`, no arrays: the yardstick for what compiling is worth. The law and its constants
-are the same, the random numbers Python's own.
+It uses lists and `math` and no arrays, as the reference for the benefit of compilation. The law
+and its constants are the same; the random numbers are Python's own.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ Vector = list[float]
 
 
 def meeting_point(spheres: Sequence[Sequence[float]], q: Vector) -> Vector:
-    """Lower point at the radii l of three spheres about c + u cos q + v sin q, [m].
+    """Lower intersection of three spheres of radii l about c + u cos q + v sin q, [m].
 
     Raises:
-        ValueError: they do not meet.
+        ValueError: they do not intersect.
     """
     centres = []
     for (cx, cy, cz, ux, uy, uz, vx, vy, vz, _), angle in zip(spheres, q, strict=True):
@@ -40,7 +40,7 @@ def meeting_point(spheres: Sequence[Sequence[float]], q: Vector) -> Vector:
 
 
 def inertia(places: Sequence[Vector], bound: float) -> float:
-    """Weight (14) of the swarm, from its entropy along the box's diagonal."""
+    """Inertia weight (14) of the swarm, from its entropy along the box's diagonal."""
     m = len(places)
     counts = [0] * m
     for place in places:
@@ -53,7 +53,7 @@ def inertia(places: Sequence[Vector], bound: float) -> float:
 def search(
     distance: Callable[[Vector], float], joints: int, s: ApsoSettings, draw: random.Random
 ) -> tuple[Vector, float, int]:
-    """The correction [rad] with the least distance [m], that distance, and the evaluations."""
+    """The correction [rad] with the smallest distance [m], that distance, and the evaluations."""
     bound, most = s.bound_rad, s.velocity_fraction * 2 * s.bound_rad
     places = [[draw.uniform(-bound, bound) for _ in range(joints)] for _ in range(s.particles)]
     places[0] = [0.0] * joints

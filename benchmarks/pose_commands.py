@@ -1,4 +1,4 @@
-"""What one corrected command costs on each robot, alone, in time of one core."""
+"""Time of one corrected command on each robot, alone, on one core."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EVERYWHERE = Region(10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0))  #
 
 
 def milliseconds(name: str) -> float:
-    """Mean over commands of a plan, the machine known."""
+    """Mean time over the commands of a plan; the machine's parameters are known exactly."""
     robot = load_robot(name)
     machine = draw_machine(robot, SEED)
     ends = robot.joints.lower, robot.joints.upper

@@ -1,11 +1,12 @@
-"""How near the grid search comes on simulated Deltas, without a model, and in how many moves.
+"""Residual distance and number of moves of the grid search without a model on simulated Deltas.
 
     python benchmarks/positioning.py
 
-Each machine is drawn with its tolerances, comes to rest beside its commands as its joints repeat
-and is read by a noisy tracker; ten points a machine, spread over the paper's disc and 0.1 m of
-height. `before` and `after` are by the tracker, in the frame that was found with it or is known;
-`truly` is in the machine's own base, which no measurement of the robot alone can find.
+Each machine is drawn within its tolerances, comes to rest with the repeatability of its joints and
+is measured by a noisy tracker, at ten points spread over the paper's disc and 0.1 m of height.
+`before` and `after` are measured by the tracker, in a frame that was either found with it or is
+known; `truly` is in the frame of the machine's own base, which no measurement of the robot alone
+can find.
 """
 
 from __future__ import annotations
@@ -35,23 +36,23 @@ SEEDS = range(1, 11)
 POINTS = 10
 FRAME_STOPS = 24
 READINGS = 10
-MOVE_S = 1.0  # [s] from stop to stop
+MOVE_S = 1.0  # [s] between poses
 
 
 @dataclass(frozen=True)
 class Run:
-    """One machine's targets, (n,) each, [m] where nothing else is said."""
+    """Targets of one machine: arrays (n,), in [m] unless stated otherwise."""
 
     before: Array  # by the tracker
     after: Array
     truly_before: Array  # in the machine's own base
     truly_after: Array
     moves: Array
-    frame_error: Array  # how far the frame that was found has the targets from where they are
+    frame_error: Array  # error of the targets by the frame that was found
 
 
 def targets(seed: int, count: int) -> Array:
-    """Tool points (n, 3) [m]."""
+    """Draw tool points (n, 3) [m]."""
     rng = np.random.default_rng([seed, 9])
     r, angle = 0.45 * np.sqrt(rng.random(count)), 2 * np.pi * rng.random(count)
     height = -0.761 + 0.1 * rng.random(count)
@@ -59,7 +60,7 @@ def targets(seed: int, count: int) -> Array:
 
 
 def lattice(robot: Robot, unit_deg: float = 0.01, **more: object) -> GridSettings:
-    """The paper's lattice on this robot."""
+    """The paper's lattice for this robot."""
     unit = np.full(len(robot.joints.names), np.radians(unit_deg))
     joints = robot.joints
     return GridSettings(unit, joints.lower, joints.upper, robot.limits.correction, **more)
@@ -73,7 +74,7 @@ def drive(
     repeats: int = 3,
     frame_stops: int = FRAME_STOPS,
 ) -> Run:
-    """Let one machine be driven to its targets; without stops for it, its frame is known."""
+    """Drive one machine to its targets; with `frame_stops` = 0 the tracker frame is known."""
     machine = draw_machine(robot, seed)
     simulated = SimulatedMachine(machine, np.random.default_rng([seed, 7]), 0.0)
     wanted = targets(seed, points)
@@ -97,7 +98,7 @@ def drive(
 
 
 def truth(machine: TrueMachine) -> Calibration:
-    """A calibration that knows all of a machine: here, where the tracker stands before it."""
+    """A calibration with the machine's true values; it provides the true tracker frame."""
     joints = machine.robot.joints
     anywhere = Region(np.vstack([np.zeros(3), np.eye(3)]))
     return Calibration(
@@ -118,9 +119,9 @@ def _off(machine: TrueMachine, joint: Array, wanted: Array) -> Array:
 
 
 def _frame_error(machine: TrueMachine, found: TrackerFrame | None, wanted: Array) -> Array:
-    """Distance of each target, as the found frame has it before the tracker, from where it is.
+    """Distance of each target, located by the identified frame, from its true position.
 
-    A frame that was laid on readings has the reflector's offset in it.
+    A frame that was fitted to readings includes the offset of the reflector.
     """
     _, offset, frame = machine.chain.split(machine.theta)
     if found is None:

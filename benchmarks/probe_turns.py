@@ -1,11 +1,11 @@
-"""How much more a probe's turns tell of each cause than its positions alone.
+"""How much more information on each cause a probe gives by its rotations than by positions alone.
 
     python benchmarks/probe_turns.py srbd ur10 five_axis cdpr8
     python benchmarks/probe_turns.py --turn-urad 50 srbd
 
-One machine each without a hidden cause, measured by the plan `rich`. Of every effect of the
-catalogue the information beside geometry, reflector and frame, summed over its parameters at their
-typical sizes: with turns, by positions alone, and the ratio.
+One machine of each robot without a hidden cause is measured by the plan `rich`. For every effect
+of the catalogue the table shows the information beside geometry, reflector and frame, summed over
+its parameters at their typical sizes: with rotations, with positions alone, and the ratio.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SEED = 5
 
 
 def evidence_of(probed: Robot) -> tuple[LinearizedModel, LinearizedModel]:
-    """With turns and by positions alone, of one session."""
+    """Evidence of one session, with rotations and by positions alone."""
     plan = make_plan("rich", probed, seed=SEED)
     session = simulate_session(draw_machine(probed, SEED), plan, SEED)
     seen = survey(session, probed.joints.names, probed.commanded.joint_size)
@@ -37,12 +37,12 @@ def evidence_of(probed: Robot) -> tuple[LinearizedModel, LinearizedModel]:
 
 
 def told(evidence: LinearizedModel, effect: Effect) -> float:
-    """Trace of an effect's information."""
+    """Trace of the information matrix of an effect."""
     return float(np.trace(evidence.information(evidence.columns(effect))))
 
 
 def rows(name: str, turn: float) -> Iterator[str]:
-    """Of a table, one for each effect that the session can show."""
+    """Yield table rows, one for each effect that is observable in the session."""
     robot = load_robot(name)
     probed = replace(robot, tracker=replace(robot.tracker, measures="pose", turn=turn))
     both = evidence_of(probed)

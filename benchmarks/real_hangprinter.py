@@ -1,8 +1,8 @@
-"""What a real cable robot's own closures say is missing in a model of its geometry.
+"""What the closures of a real cable robot show to be missing in a model of its geometry.
 
-The general diagnosis on 44 poses of motor angles, 9 of them with a position: the model has anchors
-and gains and no more, and everything of the catalogue that a cable robot can have is tried. Four
-line lengths measured by hand at the origin take part in nothing and judge the outcome.
+The general diagnosis of 44 poses of motor angles, 9 of them with a position. The model contains
+anchors and gains only, and all effects of the catalogue that apply to a cable robot are tried.
+Four line lengths measured by hand at the origin are used in no fit and serve to check the result.
 """
 
 from __future__ import annotations
@@ -41,23 +41,23 @@ Array = NDArray[np.float64]
 
 ROBOT = Path(__file__).with_name("hangprinter.yaml")
 MM = 1e3
-SIZE = 1e-3  # [m] of a closure's noise among others; its factor is found
-APART = 60.0  # [s] that poses are set apart by: their order is known, their time is not
-PAYLOAD = 1.0  # [kg] of a second one that could be hung on
+SIZE = 1e-3  # [m] noise of a closure relative to the others; its factor is estimated
+APART = 60.0  # [s] between poses: their order is known, their time is not
+PAYLOAD = 1.0  # [kg] of a second payload that could be attached
 
 
 @dataclass(frozen=True)
 class Machine:
-    """The drawing, and what was measured."""
+    """The nominal machine, and what was measured."""
 
     robot: Robot
     mechanism: CableRobot
     joint: Array  # (n, 4) [rad]
-    position: Array  # (n, 3) [m], NaN where nobody looked
+    position: Array  # (n, 3) [m], NaN where not measured
 
     @classmethod
     def of(cls, folder: Path) -> Machine:
-        """As published in a folder."""
+        """Load the machine as published in a folder."""
         robot = load_robot(ROBOT)
         mechanism = robot.commanded
         assert isinstance(mechanism, CableRobot)
@@ -65,21 +65,21 @@ class Machine:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Poses with a position, (n,)."""
+        """Whether each pose has a measured position, (n,)."""
         return np.isfinite(self.position).all(axis=1)
 
     @cached_property
     def measured(self) -> tuple[Measured, Measured]:
-        """Closures at the poses measured, and at the others."""
+        """Closures at the poses with a position, and at the others."""
         return self._at(self.joint, self.position, self.seen)
 
     def without(self, build_up: float) -> tuple[Measured, Measured]:
-        """The same by motor angles from which a build-up [m^2/m] is taken off."""
+        """The same with motor angles from which a build-up [m^2/m] is subtracted."""
         spiral = DrumBuildUp(self.robot, self.mechanism).columns(self.conditions(self.joint))
         return self._at(self.joint + build_up * spiral[..., 0], self.position, self.seen)
 
     def further(self) -> list[tuple[str, list[Measured]]]:
-        """What else could be measured, the cheapest first."""
+        """Further measurements that could be made, the cheapest first."""
         every, drawn = self.joint, self.mechanism.parameters.nominal
         place = self.mechanism.forward(every, drawn)
         all_seen = np.ones(len(every), dtype=bool)
@@ -91,7 +91,7 @@ class Machine:
         ]
 
     def conditions(self, joint: Array) -> Conditions:
-        """Still, one after the other, nothing hung on."""
+        """Conditions at rest, one pose after the other, without payload."""
         n = len(joint)
         return replace(
             at_rest(joint),
@@ -116,7 +116,7 @@ class Machine:
 
 
 def verdict(machine: Machine) -> Judgement:
-    """The general diagnosis, with nothing said of what to look for."""
+    """The general diagnosis, without any prior information on the cause."""
     return diagnose_observations(
         machine.measured,
         machine.mechanism,
@@ -127,7 +127,7 @@ def verdict(machine: Machine) -> Judgement:
 
 
 def fits(machine: Machine, found: Judgement) -> dict[str, Observed]:
-    """Geometry alone; with the build-up that the machine's file states; as the verdict has it."""
+    """Geometry alone; with the build-up of the machine's file; with the diagnosed effects."""
     model = found.model
     assert isinstance(model, Observed)
     mechanism = machine.mechanism
@@ -139,9 +139,9 @@ def fits(machine: Machine, found: Judgement) -> dict[str, Observed]:
 
 
 def likeness(found: Judgement) -> dict[str, float]:
-    """Cosine of the first finding's signal with what every other cause could make, nearest first.
+    """Cosine of the first finding's signal with its best imitation by other causes, nearest first.
 
-    From 0.95 on the verdict calls both one class.
+    From 0.95 on the verdict puts both into one class.
     """
     model = found.model
     evidence, (term, *_) = model.evidence, model.terms
@@ -159,18 +159,18 @@ def likeness(found: Judgement) -> dict[str, float]:
 
 
 def missed(fit: Observed) -> Array:
-    """Length that each number is missed by, (N,) [m]; of a pose's lines together where free."""
+    """Residual length of each number, (N,) [m]; combined over the lines of a free pose."""
     return fit.beside.missed(fit.beside.best())[:, 0]
 
 
 def line_rms(fit: Observed) -> float:
-    """Root mean square over all lines of all poses [m]: a free pose takes up three of four."""
+    """Root mean square over all lines of all poses [m]; a free pose absorbs three of four."""
     lines = sum(m.at.joint.size for m in fit.problem.measured)
     return float(np.sqrt(np.nansum(missed(fit) ** 2) / lines))
 
 
 def by_hand(fit: Observed) -> Array:
-    """Identified less hand-measured line lengths at the origin, (4,) [m]."""
+    """Identified minus hand-measured line lengths at the origin, (4,) [m]."""
     anchors = fit.theta[:16].reshape(4, 4)[:, :3]
     return np.linalg.norm(anchors, axis=1) - BY_HAND
 
@@ -193,7 +193,7 @@ _STYLES = {
 
 
 def figures(machine: Machine, found: Judgement) -> list[Figure]:
-    """Evidence, what is left along line D, and the lengths measured by hand."""
+    """Figures: evidence, residuals along line D, and the lengths measured by hand."""
     each = fits(machine, found)
     return [
         replace(evidence_figure(found), name="hangprinter_evidence"),
@@ -248,7 +248,7 @@ def _hand_figure(each: dict[str, Observed]) -> Figure:
 
 
 def report(root: Path, out: Path | None) -> list[Figure]:
-    """All of it; the verdict's JSON into a folder."""
+    """Print all results; write the verdict as JSON into a folder."""
     machine = Machine.of(root)
     found = verdict(machine)
     print("Hangprinter, closures of 44 poses, 9 of them measured")

@@ -1,8 +1,8 @@
-"""Measurements of real machines: what the models make of them, and what the diagnosis says.
+"""Measurements of real machines: what the models and the diagnosis find in them.
 
 python benchmarks/real_machines.py [--data ../shared/real] [--out docs/real] [machine ...]
 
-With `--out` the pictures of the pages in docs/ and the verdicts' JSON are written to a folder.
+With `--out` the pictures of the pages in docs/ and the verdicts as JSON are written to a folder.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ DATA = Path(__file__).resolve().parents[2] / "shared" / "real"
 
 
 def hangprinter(folder: Path, out: Path | None) -> list[Figure]:
-    """A cable robot's verdict by its own closures."""
+    """A cable robot: verdict from its own closures."""
     return real_hangprinter.report(folder, out)
 
 
 def v400(folder: Path, out: Path | None) -> list[Figure]:
-    """A linear Delta: 19 data, and meshes."""
-    del out  # no verdict: nothing here shows what is not geometry
+    """A linear Delta: 19 data, and bed meshes."""
+    del out  # no verdict: these data show nothing beyond geometry
     real_v400.report(folder)
     return v400_pictures.figures(folder)
 
 
 def ur10(folder: Path, out: Path | None) -> list[Figure]:
-    """A serial arm: blocks of time held out; its verdicts are `delta-cal diagnose`'s."""
+    """A serial arm: blocks of time held out; its verdicts are made by `delta-cal diagnose`."""
     del out
     return ur10_pictures.figures(*real_ur10.report(folder))
 
@@ -55,7 +55,7 @@ MACHINES: dict[str, tuple[str, Callable[[Path, Path | None], list[Figure]]]] = {
 
 
 def main() -> int:
-    """Print the figures, and draw them where asked to."""
+    """Print the results, and draw figures with `--out`."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--data", type=Path, default=DATA)
     parser.add_argument("--out", type=Path, default=None)

@@ -1,7 +1,7 @@
-"""A UR10 before a laser tracker: geometry, and what is left of it, by blocks of time held out.
+"""A UR10 measured by a laser tracker: geometry and its residuals, with blocks of time held out.
 
-Extensions are columns beside those of the geometry, linearised about the fit; each block of
-consecutive poses is predicted by a fit that has not seen it, as neighbours in time are alike.
+Extensions are columns beside those of the geometry, linearised about the fit. Each block of
+consecutive poses is predicted by a fit without it, because poses that are close in time are alike.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ Array = NDArray[np.float64]
 SERIES = {"A": "series_a_grid.csv", "C": "series_c_random_poses.csv"}
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 TOLERANCES = ArmTolerances(length=1e-3, twist=1e-3, zero=1e-3, tool=np.inf, mount=np.inf)
-NOISE, TURN_NOISE = 0.2e-3, 1e-3  # [m], [rad]: probe and what the model leaves out
+NOISE, TURN_NOISE = 0.2e-3, 1e-3  # [m], [rad]: probe noise and what the model leaves out
 BLOCKS = 10
-PACE = 3.74  # [s] a pose, that of series A; stamps of C lost their digits
-WARMING = (600.0, 1200.0, 2400.0, 4800.0)  # [s] time constants of links that grow
-GROWTH = 150e-6  # [1] expected
-KNOT = np.radians(4.0)  # of a joint's own error curve; chosen beforehand, never tuned
+PACE = 3.74  # [s] per pose, from series A; the stamps of C have lost their digits
+WARMING = (600.0, 1200.0, 2400.0, 4800.0)  # [s] time constants of thermal growth of the links
+GROWTH = 150e-6  # [1] expected size
+KNOT = np.radians(4.0)  # of the error curve of a joint; chosen in advance, not tuned
 CURVE, HARMONIC, DRIFT = 0.15e-3, 0.15e-3, 0.1e-3  # expected sizes [rad, m]
-BENDING = (0, 1, 2, 3, 4)  # joints whose angle moves the probe far; the last turns it in place
-_GENEROUS = 10.0  # times: what the geometry may still move by in a linearised fit
+BENDING = (0, 1, 2, 3, 4)  # joints that move the probe far; the last rotates it in place
+_GENEROUS = 10.0  # factor on the expected sizes of the geometry in a linearised fit
 
 
 @dataclass(frozen=True)
@@ -50,41 +50,41 @@ class Series:
     joint: Array  # (n, 6) [rad] commanded
     point: Array  # (n, 3) [m] of the probe in the tracker's frame
     rotation: Array  # (n, 3, 3)
-    time: Array  # (n,) [s] since the first, by stamps or, without them, by order at a usual pace
+    time: Array  # (n,) [s] since the first; by order at the usual pace where stamps are missing
     temperature: Array  # (n,) [deg C] of the room
 
     @property
     def clock(self) -> Array:
-        """-1 to 1 over the series, (n,)."""
+        """Time scaled to -1 ... 1 over the series, (n,)."""
         return 2 * (self.time - self.time[0]) / (self.time[-1] - self.time[0]) - 1
 
     def take(self, rows: NDArray[np.intp]) -> Series:
-        """Some of the poses."""
+        """A subset of the poses."""
         return Series(*(getattr(self, name)[rows] for name in self.__dataclass_fields__))
 
 
 @dataclass(frozen=True)
 class Left:
-    """What the geometry leaves of a series, and how it would move."""
+    """Residuals of the geometry in a series, and their derivatives."""
 
     series: Series
     missed: Array  # (n, 3) [m]
-    geometry: Array  # (n, 3, P) in expected sizes
+    geometry: Array  # (n, 3, P) per expected size
     by_joint: Array  # (n, 3, 6) [m/rad]
-    growth: Array  # (n, 3) [m] when all links grow by their own length
+    growth: Array  # (n, 3) [m] when all links grow in proportion to their length
 
 
 @dataclass(frozen=True)
 class Gained:
-    """What an extension is worth on blocks held out."""
+    """Gain of an extension on held-out blocks."""
 
     name: str
-    gain: float  # [m] RMS, mean over blocks
-    half: float  # [m] of its 95 % interval
+    gain: float  # [m] decrease of the RMS, mean over blocks
+    half: float  # [m] half width of its 95 % interval
 
 
 def read(path: Path) -> Series:
-    """A series as published."""
+    """Read a series as published."""
     with path.open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
 
@@ -102,9 +102,10 @@ def read(path: Path) -> Series:
 
 
 def mounted(series: Series) -> tuple[SerialArm, Frame]:
-    """The drawing with the probe mounted as the poses have it, and where the base stands.
+    """The nominal arm with the probe's mounting found from the poses, and the tracker frame.
 
-    In turn: the frame that fits the places best, and the mount that fits in that frame.
+    Alternates between the frame that fits the positions best and the mounting that fits in that
+    frame.
     """
     bare = SerialArm(UR10, TOLERANCES)
     x = bare.forward(series.joint, bare.parameters.nominal)
@@ -119,7 +120,7 @@ def mounted(series: Series) -> tuple[SerialArm, Frame]:
 
 
 def fits(series: Series) -> tuple[MixedFit, MixedFit]:
-    """Base and tool alone, then all of the geometry; plain least squares of whole poses."""
+    """Fit base and tool alone, then the whole geometry, by plain least squares of whole poses."""
     arm, frame = mounted(series)
     seen = PoseMeasured(
         series.joint, series.point, np.zeros(3), NOISE, series.rotation, TURN_NOISE
@@ -132,12 +133,12 @@ def fits(series: Series) -> tuple[MixedFit, MixedFit]:
 
 
 def position_rms(fit: MixedFit) -> float:
-    """3-D, [m]."""
+    """RMS of the 3-D position residuals [m]."""
     return fit.rms(0, slice(0, 3))
 
 
 def left_by(fit: MixedFit, series: Series) -> Left:
-    """Positions that the fitted geometry misses."""
+    """Position residuals of the fitted geometry."""
     seen = PoseMeasured(
         series.joint, series.point, np.zeros(3), NOISE, series.rotation, TURN_NOISE
     )
@@ -155,11 +156,11 @@ def left_by(fit: MixedFit, series: Series) -> Left:
 
 
 def extensions(left: Left) -> Iterator[tuple[str, Array]]:
-    """Name and columns (n, 3, k), each in its expected size."""
+    """Yield names and columns (n, 3, k), each at its expected size."""
     series, q = left.series, left.series.joint
     course = np.stack([series.clock, series.clock**2, series.clock**3], axis=1)
     warm = (series.temperature - series.temperature.mean())[:, None]
-    frame = left.geometry[..., -6:] * 0.1  # tenths of a millimetre, of a milliradian
+    frame = left.geometry[..., -6:] * 0.1  # tenths of a millimetre and of a milliradian
     zeros = left.by_joint * DRIFT
     yield "tracker or base drifts, cubic in time", _times(frame, course)
     yield "tracker or base by room temperature", _times(frame, warm)
@@ -179,14 +180,14 @@ def extensions(left: Left) -> Iterator[tuple[str, Array]]:
 
 
 def gravity(left: Left) -> Array:
-    """Sags of joints 2, 3, 4 by the lever of each link, (n, 3, k)."""
+    """Sag of joints 2, 3, 4 by the lever of each link, (n, 3, k)."""
     each = levers(left.series.joint).items()
     parts = [left.by_joint[..., j] * v[:, None] for j, some in each for v in some]
     return np.stack(parts, axis=-1) * 0.3e-3
 
 
 def levers(q: Array) -> dict[int, list[Array]]:
-    """What gravity's torque about joints 2, 3, 4 is made of: cosines of absolute angles, (n,)."""
+    """Terms of gravity's torque about joints 2, 3, 4: cosines of absolute angles, (n,)."""
     upper = q[:, 1]
     fore, wrist = upper + q[:, 2], upper + q[:, 2] + q[:, 3]
     hand = [np.sin(wrist), np.cos(wrist), np.cos(wrist) * np.sin(q[:, 4])]
@@ -203,7 +204,7 @@ def curves(left: Left, joints: tuple[int, ...]) -> Array:
 
 
 def curve_of(left: Left, joint: int, at: Array, joints: tuple[int, ...] = BENDING) -> Array:
-    """Estimated error of a joint at some angles, (k,) [rad], beside those of the others."""
+    """Estimated error of a joint at given angles, (k,) [rad], beside the curves of the others."""
     columns = np.concatenate([left.geometry, curves(left, joints)], axis=-1)
     values = _solve(*_normal(columns, left.missed), _generous(left))
     first = left.geometry.shape[-1]
@@ -223,10 +224,11 @@ def curve_size(left: Left, joint: int) -> float:
 
 
 def agreement(one: Left, other: Left, joint: int) -> tuple[float, Array]:
-    """Correlation of a joint's error curves found in two series, and the range they share [rad].
+    """Correlation of a joint's error curves in two series, and the range that they share [rad].
 
-    Over the range without its outer tenths, where splines have few poses; a fourth-order course
-    is taken off both, as other parameters may have taken it in either series.
+    The outer tenths of the range are left out because splines have few poses there. A fourth-order
+    polynomial is subtracted from both because other parameters may have absorbed it in either
+    series.
     """
     ranges = [np.quantile(x.series.joint[:, joint], [0.0, 1.0]) for x in (one, other)]
     low, high = max(r[0] for r in ranges), min(r[1] for r in ranges)
@@ -236,13 +238,13 @@ def agreement(one: Left, other: Left, joint: int) -> tuple[float, Array]:
 
 
 def without_course(curve: Array) -> Array:
-    """A curve at even steps, (k,), less its fourth-order course."""
+    """A curve at even steps, (k,), minus its fourth-order polynomial."""
     course = np.vander(np.linspace(-1, 1, len(curve)), 5)
     return np.asarray(curve - course @ np.linalg.lstsq(course, curve, rcond=None)[0])
 
 
 def held_out(left: Left, *columns: Array) -> Array:
-    """What is missed of each block by a fit that has not seen it, (n, 3) [m]."""
+    """Residuals of each block by a fit without that block, (n, 3) [m]."""
     every = np.concatenate([left.geometry, *columns], axis=-1)
     n = len(left.missed)
     block = np.arange(n) * BLOCKS // n
@@ -256,7 +258,7 @@ def held_out(left: Left, *columns: Array) -> Array:
 
 
 def margin(before: Array, after: Array) -> tuple[float, float]:
-    """Mean over blocks of the RMS that is gained, and half its 95 % interval [m]."""
+    """Mean over blocks of the decrease of the RMS, and half its 95 % interval [m]."""
     n = len(before)
     block = np.arange(n) * BLOCKS // n
 
@@ -274,7 +276,7 @@ def rms(missed: Array) -> float:
 
 
 def report(root: Path) -> tuple[dict[str, Left], dict[str, list[Gained]]]:
-    """All of it; what is left of each series, and what each extension gains."""
+    """Print all results; return the residuals of each series and the gain of each extension."""
     lefts, gains = {}, {}
     for name, file in SERIES.items():
         series = read(root / file)
@@ -315,7 +317,7 @@ def _tell(what: str, before: Array, after: Array) -> Gained:
 
 
 def _times(columns: Array, course: Array) -> Array:
-    """Columns (n, 3, k) that follow each of the courses (n, c), (n, 3, k c)."""
+    """Products of the columns (n, 3, k) with each of the courses (n, c): (n, 3, k c)."""
     return np.concatenate([columns * c[:, None, None] for c in course.T], axis=-1)
 
 
@@ -339,14 +341,14 @@ def _generous(left: Left) -> int:
 
 
 def _solve(matrix: Array, right: Array, geometry: int) -> Array:
-    """Least squares with priors: expected sizes, the geometry's more generously."""
+    """Least squares with expected sizes as priors, wider ones for the geometry."""
     prior = np.ones(len(right))
     prior[:geometry] = _GENEROUS**-2
     return np.asarray(np.linalg.solve(matrix + np.diag(prior), right))
 
 
 def _time(stamps: list[str]) -> Array:
-    """By stamps YYYYmmddHHMMSS; those that lost their digits by order."""
+    """Times from stamps YYYYmmddHHMMSS; from the order if the stamps have lost their digits."""
     if not all(len(stamp) == 14 and stamp.isdigit() for stamp in stamps):
         return PACE * np.arange(len(stamps), dtype=float)
     times = np.array([datetime.strptime(s, "%Y%m%d%H%M%S").timestamp() for s in stamps])

@@ -1,4 +1,4 @@
-"""A linear Delta printer on three days: nine parameters of 19 data, and what bed meshes keep."""
+"""A linear Delta printer on three days: nine parameters from 19 data, and bed meshes."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ MEASURED = "2023-08-20_555230ee"  # the day with caliper distances
 AUGUST = ("2023-08-20_41e2d223", MEASURED)
 MARCH = "2024-03-10_acb53c76"
 PRINTER = printer(0.160, np.radians([210.0, 330.0, 90.0]), 0.345, 0.415)
-NOISE = 75e-6  # [m] of either kind: what the fit leaves on its ten degrees of freedom
-# A turn about z changes no height and no distance: tower 3 stands where it is drawn.
+NOISE = 75e-6  # [m] of heights and distances: residual of the fit with its ten degrees of freedom
+# A rotation about z changes no height and no distance: tower 3 is held at its nominal place.
 NINE = np.array([name != "tower_angle_3" for name in PRINTER.parameters.names])
 
 
@@ -33,7 +33,7 @@ class Mesh:
 
 
 def observations(folder: Path) -> list[Touched]:
-    """Heights and, where there are any, distances of one day."""
+    """Heights and, if there are any, distances of one day."""
     microstep = 1e-3 * np.array(_saved(folder)["microstep_mm"])
     heights = np.loadtxt(folder / "heights.csv", delimiter=",", skiprows=1)
     seen: list[Touched] = [
@@ -47,12 +47,12 @@ def observations(folder: Path) -> list[Touched]:
 
 
 def fit(folder: Path, priors: bool) -> MixedFit:
-    """The nine parameters of a day."""
+    """Fit the nine parameters of a day."""
     return fit_printer(PRINTER, observations(folder), priors)
 
 
 def mesh(folder: Path) -> Mesh:
-    """Nodes inside the probed circle; those outside are copies."""
+    """Nodes inside the probed circle; the file repeats values outside it."""
     saved = _saved(folder)["mesh"]
     error = 1e-3 * np.loadtxt(folder / "mesh_z_error_mm.csv", delimiter=",")
     edge = float(saved["max_x"]) * 1e-3
@@ -63,21 +63,21 @@ def mesh(folder: Path) -> Mesh:
 
 
 def beyond_geometry(mesh: Mesh) -> Array:
-    """What of a mesh no change of the nine parameters makes, (n,) [m]: bed or machine."""
+    """Part of a mesh that the nine parameters cannot explain, (n,) [m]: bed or machine."""
     return _left(mesh.error, _heights_by_geometry(mesh))
 
 
 def lean_share(mesh: Mesh, error: Array) -> float:
-    """Share of the squares that straight towers leaning by constant angles could make."""
+    """Share of the squares that straight towers leaning by constant angles can explain."""
     slope, joint = _heights_by_geometry(mesh), _joints(mesh)
-    beside = joint - joint.mean(axis=0)  # where a carriage runs, about the middle of its way
+    beside = joint - joint.mean(axis=0)  # position of each carriage about the middle of its travel
     lean = [_by_foot(mesh, axis) * beside for axis in (0, 1)]
     left = _left(error, np.column_stack([slope, *lean]))
     return float(1 - np.sum(left**2) / np.sum(error**2))
 
 
 def bed_share(mesh: Mesh, error: Array, degree: int) -> float:
-    """Share of the squares that a smooth bed, a polynomial of the place, could make."""
+    """Share of the squares that a smooth bed, a polynomial of the position, can explain."""
     x, y = mesh.place.T / np.abs(mesh.place).max()
     powers = [x**i * y**j for i in range(degree + 1) for j in range(degree + 1 - i)]
     left = _left(error, np.column_stack([_heights_by_geometry(mesh), *powers]))
@@ -85,7 +85,7 @@ def bed_share(mesh: Mesh, error: Array, degree: int) -> float:
 
 
 def threefold_share(mesh: Mesh, error: Array, fold: int = 3) -> float:
-    """Share of the squares that one shape with as many lobes could make, r^k cos and sin k phi."""
+    """Share of the squares that a shape with `fold` lobes can explain, r^k cos and sin k phi."""
     x, y = mesh.place.T / np.abs(mesh.place).max()
     shape = (x + 1j * y) ** fold
     columns = np.column_stack([_heights_by_geometry(mesh), shape.real, shape.imag])
@@ -94,12 +94,12 @@ def threefold_share(mesh: Mesh, error: Array, fold: int = 3) -> float:
 
 
 def to_and_fro(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
-    """Share of the squares that goes with the rows' parity: they are probed back and forth.
+    """Share of the squares that depends on the rows' parity: they are probed back and forth.
 
     Args:
-        mesh: where.
+        mesh: nodes.
         error: (n,) [m].
-        sign: of each row instead of its parity, for comparison.
+        sign: of each row, used instead of its parity for comparison.
     """
     row = np.unique(np.round(mesh.place[:, 1], 6), return_inverse=True)[1]
     way = (-1.0) ** row if sign is None else sign[row]
@@ -109,7 +109,7 @@ def to_and_fro(mesh: Mesh, error: Array, sign: Array | None = None) -> float:
 
 
 def by_chance(mesh: Mesh, error: Array, draws: int = 500) -> float:
-    """The same share where each row has either sign by chance, its 99 % quantile."""
+    """99 % quantile of the same share when the sign of each row is random."""
     rng = np.random.default_rng(1)
     rows = len(np.unique(np.round(mesh.place[:, 1], 6)))
     signs = rng.choice([-1.0, 1.0], (draws, rows))
@@ -122,7 +122,7 @@ def rms(values: Array) -> float:
 
 
 def report(root: Path) -> None:
-    """All of it."""
+    """Print all results."""
     print("V400, nine parameters of 7 heights and 12 distances")
     for priors in (False, True):
         found = fit(root / MEASURED, priors)
@@ -171,7 +171,7 @@ def report(root: Path) -> None:
 
 
 def nearest(mesh: Mesh, other: Mesh) -> NDArray[np.intp]:
-    """For each node of `other` the nearest of `mesh`."""
+    """For each node of `other` the index of the nearest node of `mesh`."""
     apart = np.linalg.norm(mesh.place[:, None] - other.place, axis=-1)
     return np.asarray(apart.argmin(axis=0))
 
@@ -188,7 +188,7 @@ def _heights_by_geometry(mesh: Mesh) -> Array:
 
 
 def _by_foot(mesh: Mesh, axis: int) -> Array:
-    """How the height changes when the foot of a tower moves along x or y, (n, 3 towers)."""
+    """Derivative of the height by the foot of each tower along x or y, (n, 3 towers)."""
     joint, g = _joints(mesh), PRINTER.parameters.nominal
     x = PRINTER.forward(joint, g)
     arms = PRINTER.closure_by_pose(joint, x, g)  # of |x - c|^2 by x; by c it is the opposite

@@ -1,16 +1,16 @@
 """How often a hidden effect's values lie within their intervals, by effect and mechanism.
 
-Each machine is drawn by the simulator with one effect in it, measured by a plan, and fitted with
-that effect in the chain, its shape begun at the true one and sought like any other (`make
-recovery`, or --robots, --causes, --seeds):
+Each machine is drawn by the simulator with one effect, measured by a plan, and fitted with that
+effect in the chain. The search for its shape starts at the true one and is otherwise as usual
+(`make recovery`, or --robots, --causes, --seeds):
 
-    inside      share of the values within 1.96 standard deviations as a verdict states them, with
-                what the shape leaves open; 95 % where all is right
+    inside      share of the values within 1.96 standard deviations as a verdict states them,
+                including the uncertainty of the shape; 95 % where all is right
     spread      root mean square of (found - true) / standard deviation: 1 where all is right
-    told        share of the values whose interval is narrower than half of what was expected
+    told        share of the values whose interval is narrower than half of the prior's
 
-Values that the session hardly tells (the prior's interval) count as any other; `told` shows where
-there are such. Seeds are used here and nowhere else.
+Values that the session hardly determines (their interval is the prior's) count like any other;
+`told` shows where there are such values. The seeds are used only here.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from delta_calibration.simulation import RICH_PERIOD, draw_machine, simulate_ses
 Array = NDArray[np.float64]
 
 FIRST_SEED = 90_000
-STRENGTH = "1.0"  # typical sizes
+STRENGTH = "1.0"  # in typical sizes
 INSIDE = 1.96
 
 
@@ -64,7 +64,7 @@ def one(name: str, cause: str, seed: int) -> tuple[str, str, list[float], list[f
 
 
 def found(start: Fitted, effect: Effect) -> Fitted:
-    """The machine fitted with an effect, searched fields of its shape wherever they do most."""
+    """Fit the machine with an effect, with the searched fields of its shape at their best."""
     at, rows = start.evidence.at, tuple(range(len(effect.parameters)))
     shapes = [
         Candidate(effect.cause, effect.kind, None, shape, rows)
@@ -79,7 +79,7 @@ def found(start: Fitted, effect: Effect) -> Fitted:
 
 
 def same_kind(shape: Effect, effect: Effect) -> bool:
-    """Whether two shapes of a cause differ in searched fields only."""
+    """Whether two shapes of a cause differ only in searched fields."""
     searched = {name for name, _, _ in effect.intervals()}
     fixed = {name: value for name, value in effect.settings.items() if name not in searched}
     also = {name for name, _, _ in shape.intervals()}
@@ -92,7 +92,7 @@ def misfit(model: Fitted) -> float:
 
 
 def attempt(task: tuple[str, str, int]) -> tuple[str, str, list[float], list[float]] | str:
-    """The same, or why there is no such machine or session."""
+    """The same, or the reason why there is no such machine or session."""
     try:
         return one(*task)
     except (DataError, ReachError) as error:
@@ -100,7 +100,7 @@ def attempt(task: tuple[str, str, int]) -> tuple[str, str, list[float], list[flo
 
 
 def tasks(robots: list[str], causes: list[str], seeds: int) -> list[tuple[str, str, int]]:
-    """Every effect of every robot's catalogue, as many seeds of each."""
+    """Every effect of every robot's catalogue, `seeds` machines of each."""
     found = []
     for name in robots or known_robots():
         robot = load_robot(name)

@@ -1,8 +1,8 @@
-"""What the parts cost on this machine, all in one run: `make bench`.
+"""Time of the parts on this machine, all in one run: `make bench`.
 
-Each figure is the least of several repeats (the machine's noise only adds), per item and with its
-unit. Written to out/bench.json as well. Figures of different runs or machines are not comparable;
-ratios within one run are.
+Each value is the smallest of several repeats (other load can only increase it), per item and with
+its unit. They are also written to out/bench.json. Values of different runs or machines are not
+comparable; ratios within one run are.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-for library in ("OPENBLAS", "MKL", "OMP"):  # as the command line has it: the matrices are small
+for library in ("OPENBLAS", "MKL", "OMP"):  # as on the command line: the matrices are small
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 # The libraries read these variables when they are loaded, hence the imports after them.
@@ -40,7 +40,7 @@ REPEATS = 5
 def least(
     function: Callable[..., object], *arguments: object, items: int = 1, repeats: int = REPEATS
 ) -> float:
-    """Seconds an item, of a call with these arguments."""
+    """Time per item of a call with these arguments [s]."""
     call = partial(function, *arguments)
     return min(timeit.repeat(call, number=1, repeat=repeats)) / items
 
@@ -72,7 +72,7 @@ def kinematics() -> list[tuple[str, float, str]]:
 
 
 def session_work() -> list[tuple[str, float, str]]:
-    """A two-hour session: written, read, cleaned, fitted; the line compensated."""
+    """Time to write, read, clean and fit a two-hour session, and to compensate the line."""
     robot = load_robot("srbd")
     machine = draw_machine(robot, 1)
     session = simulate_session(machine, make_plan("rich", robot, seed=1), 1, period=RICH_PERIOD)

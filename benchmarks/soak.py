@@ -1,19 +1,18 @@
 """The calibration node under faults at 1 kHz, 10 minutes: `make soak`; `--seconds 60` for less.
 
-The cell around the node goes through its faults again and again: tracker gone, NaN bursts, clock
+The test cell applies its faults to the node again and again: missing tracker, bursts of NaN, clock
 stepping back and forth, late messages, marked and unmarked echoes, commands beyond the region and
-the joints' limits, calibrations swapped, one of them useless, a sensor gone silent, parameter
-storm, compensation and lifecycle switched in motion; in the first half the node is ended, and
-killed. What has to hold all the time, whatever the machine's load:
+the joint limits, exchanged calibrations, one of them useless, a silent sensor, a storm of
+parameters, compensation and lifecycle switched in motion. In the first half the node is also
+stopped, and killed. At all times, whatever the load of the machine:
 
-- every output is finite, with the stamp of a command, and moves no faster than the commands do,
-  plus what corrections and ways back from a hold may;
-- outside holds and ways back from them or from a stop of the stream, output and command differ by
-  the largest correction at most;
-- each guard's counter has risen; no traceback in the node's log; its memory does not grow.
+- every output is finite, has the stamp of a command, and moves no faster than the commands plus
+what corrections and returns from a hold may add; - outside holds and returns from them or from a
+stop of the stream, output and command differ by the largest correction at most; - each guard's
+counter has risen; the node's log has no traceback; its memory does not grow.
 
-On a machine that is too busy for 1 kHz commands are left out while the node is behind: how many is
-said, and no failure. Exit code 1 where one of these fails.
+On a machine that is too busy for 1 kHz commands are left out while the node is behind; their
+number is printed and is no failure. The exit code is 1 if one of the conditions fails.
 """
 
 from __future__ import annotations
@@ -43,10 +42,10 @@ from soak_faults import Faults
 from soak_outputs import Outputs
 
 RATE = 0.05  # [rad/s] fastest change of a correction
-SLOPE = 1.0  # [MB/min] that memory may grow by at most
-# a play and an arm that grows: a correction that steps, and wants a sensor
+SLOPE = 1.0  # [MB/min] largest permitted growth of memory
+# Backlash and an arm that grows: a correction with steps, and one that needs a sensor.
 EFFECTS = {"backlash": ({}, 4e-4), "thermal_growth_arm": ({"sensor": "arm"}, 23e-6)}
-FIRST = 10.0  # [MB] that a first round takes: what is used for the first time stays
+FIRST = 10.0  # [MB] permitted in the first round, for what is used for the first time
 BROKEN = "broken.yaml"
 GUARDS = (
     CommandStatus.CORRECTED.value,
@@ -69,7 +68,7 @@ GUARDS = (
 
 
 def files(folder: Path) -> tuple[Path, dict[str, Path]]:
-    """A robot whose region's far end counts as singular, and its calibrations."""
+    """A robot file that counts the far end of the region as singular, and its calibrations."""
     robot = load_robot("srbd")
     found, poses = identified(robot)
     model = robot.commanded
@@ -83,7 +82,7 @@ def files(folder: Path) -> tuple[Path, dict[str, Path]]:
     save_calibration(calibrations["plain"], found, robot, poses)
     save_calibration(calibrations["extended"], with_effects(found, robot, EFFECTS), robot, poses)
     wrong = found.theta.copy()
-    wrong[found.parameters.row("joint_zero_1")] += 0.03  # beyond what may be corrected
+    wrong[found.parameters.row("joint_zero_1")] += 0.03  # more than may be corrected
     save_calibration(calibrations["useless"], replace(found, theta=wrong), robot, poses)
     calibrations["broken"] = folder / BROKEN
     calibrations["broken"].write_bytes(calibrations["plain"].read_bytes()[:2000])
@@ -100,7 +99,7 @@ def growth(memory: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
-    """What failed, in words; printed beside what was seen."""
+    """Failures in words; the statistics are printed."""
     failed = list(outputs.broken)
     counts: Counter[str] = cell.counts
     print(
@@ -122,7 +121,7 @@ def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
         f"{outputs.largest * 1e3:.3f} of {outputs.bound * 1e3:.3f} mrad"
     )
     for word in ("Traceback", "[ERROR]", "[FATAL]", "Exception"):
-        # that a calibration is broken is an error that has to be told
+        # A broken calibration has to be reported as an error.
         lines = [line for line in log.splitlines() if word in line and BROKEN not in line]
         failed += [f"in the log: {line}" for line in lines[:1]]
     if len(cell.memory) < 10:
@@ -136,7 +135,7 @@ def verdict(cell: Cell, outputs: Outputs, log: str) -> list[str]:
 
 
 def soak(seconds: float, hz: float, running: Processes, folder: Path) -> list[str]:
-    """Run the cell; what failed."""
+    """Run the cell; return the failures."""
     robot_file, calibrations = files(folder)
     robot = load_robot(robot_file)
     outputs = Outputs(robot.limits.correction, RATE, robot.joints.speed)

@@ -1,4 +1,4 @@
-"""The cell around the node in a soak: who commands, listens, asks, starts and ends it."""
+"""The cell around the node in a soak: commands, listens, calls services, starts and stops it."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from soak_outputs import Outputs, Told
 NODE = "delta_calibration.ros.calibration_node"
 RAMP_S = 0.2
 TIMEOUT_S = 0.5  # [s] age of a command
-OFFSET_SPEED = 1.0  # [rad/s] at which commands go to another part of the workspace
+OFFSET_SPEED = 1.0  # [rad/s] speed of moves to another part of the workspace
 PAGE = os.sysconf("SC_PAGE_SIZE") / 2**20  # [MB]
-BEHIND = 30  # commands without an output: the node is behind, or dropping them
-KEPT = 5000  # commands whose outputs may still come
+BEHIND = 30  # commands without an output: the node is behind or drops them
+KEPT = 5000  # number of recent commands whose outputs may still come
 
 
 class Cell:
-    """Commands at 1 kHz and whatever else a node hears; the node itself is another process."""
+    """Commands at 1 kHz and everything else that a node receives; the node is another process."""
 
     def __init__(
         self,
@@ -50,7 +50,7 @@ class Cell:
             robot=robot_file,
             autostart=True,
             calibration=calibrations["plain"],
-            data_dir=calibrations["plain"].parent,  # where others may be loaded from
+            data_dir=calibrations["plain"].parent,  # folder from which others may be loaded
             command_controller="forward",
             tracker_timeout_s=1.0,
             **self.parameters(),
@@ -63,15 +63,15 @@ class Cell:
         self._ticked = time.monotonic()
         self.commanded = self.left_out = self.rounds = self._ticks = 0
         self._unanswered = 0  # commands since the last output
-        self._correction = NEAR  # the last that was seen
-        self.counts: Counter[str] = Counter()  # of all lives of the node
+        self._correction = NEAR  # last one that was observed
+        self.counts: Counter[str] = Counter()  # summed over all starts of the node
         self._life: dict[str, int] = {}
         self.told = {"tracker silent": False}
-        self.memory: list[tuple[float, float]] = []  # [s], [MB], of the node's last life
+        self.memory: list[tuple[float, float]] = []  # [s], [MB], since the last start of the node
         self._last_out = self.middle
 
     def parameters(self) -> dict[str, Any]:
-        """What the node is given, and given back after a storm."""
+        """Parameters with which the node starts, and to which it returns after a storm."""
         return {
             "ramp_s": RAMP_S,
             "max_correction_rate": self.rate,
@@ -82,7 +82,7 @@ class Cell:
     # --- the run
 
     def run(self) -> None:
-        """Take the node through its rounds, until time is over and one round is complete."""
+        """Take the node through its rounds until the time is over and one round is complete."""
         import rclpy
         from rclpy.clock import Clock
         from rclpy.clock_type import ClockType
@@ -120,7 +120,7 @@ class Cell:
                 yield
             else:
                 self.rounds += 1
-        yield from self.wait(2.5)  # the last of diagnostics
+        yield from self.wait(2.5)  # for the last diagnostics
 
     def _tick(self) -> None:
         if not self._going:
@@ -145,19 +145,19 @@ class Cell:
             self.memory.append((time.monotonic(), int(pages) * PAGE))
 
     def go(self, goal: np.ndarray) -> Steps:
-        """Command the joints (3,) [rad] beside the middle, and stay a moment."""
+        """Move the joints to `goal` (3,) [rad] relative to the middle, and stay there a moment."""
         self._goal = goal
         while (self._offset != goal).any():
             yield
         yield from self.wait(0.3)
 
     def wait(self, seconds: float) -> Steps:
-        """Let the cell go on for a while."""
+        """Continue for a while."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
             yield
 
-    # --- what it sends and hears
+    # --- topics
 
     def _connect(self) -> None:
         from diagnostic_msgs.msg import DiagnosticArray
@@ -186,14 +186,14 @@ class Cell:
         self._changer = node.create_client(ChangeState, f"{own}/change_state")
 
     def command(self, shift: float) -> None:
-        """Publish a command, its stamp moved by so many seconds."""
+        """Publish a command, with its stamp shifted by some seconds."""
         from sensor_msgs.msg import JointState
 
         from delta_calibration.ros.conversions import ns_to_stamp
 
         now = time.monotonic()
         q = self.middle + self.amplitude * (motion(NEAR, now)) + self._offset
-        if self.mark:  # whoever compensates upstream finds what the node does
+        if self.mark:  # as if a node upstream had compensated
             q = q + self._correction
         if self.echoing:
             q = self._last_out.copy()
@@ -255,10 +255,10 @@ class Cell:
                     self._life[name] = int(pair.value)
                     self.counts[name] += max(grown, 0)
 
-    # --- what it asks for
+    # --- services
 
     def order(self, name: str, value: bool | None = None) -> Any:
-        """Call a service; whether it succeeded."""
+        """Call a service; return whether it succeeded."""
         from std_srvs.srv import SetBool, Trigger
 
         request = Trigger.Request() if value is None else SetBool.Request(data=value)
@@ -266,12 +266,12 @@ class Cell:
         return bool(answer.success)
 
     def load(self, file: Path) -> Any:
-        """Have the node load a calibration; whether it did."""
+        """Make the node load a calibration; return whether it did."""
         yield from self.set(calibration=str(file))
         return (yield from self.order("reload"))
 
     def set(self, **values: Any) -> Any:
-        """Set parameters; whether all were taken."""
+        """Set parameters; return whether all were accepted."""
         from rcl_interfaces.srv import SetParameters
         from rclpy.parameter import Parameter
 
@@ -280,7 +280,7 @@ class Cell:
         return all(result.successful for result in answer.results)
 
     def transit(self, transition: int) -> Any:
-        """Ask for a lifecycle transition, whether it fits or not."""
+        """Request a lifecycle transition, valid or not."""
         from lifecycle_msgs.msg import Transition
         from lifecycle_msgs.srv import ChangeState
 
@@ -306,11 +306,11 @@ class Cell:
         self._child: subprocess.Popen[bytes]
         self._child = self.running.start("calibration_node", NODE, self._arguments)
         self._life, self.memory = {}, []
-        self.holding = True  # it begins where the drives stand and goes to the commands from there
+        self.holding = True  # it starts at the position of the drives and moves to the commands
         self.outputs.forget()
 
     def _ready(self) -> Steps:
-        """Wait until it sends and is where the commands are; switch compensation on."""
+        """Wait until it sends outputs and follows the commands; switch compensation on."""
         before = self.outputs.count
         yield from self._until(lambda: self.outputs.count > before, "output")
         yield from self.wait(RAMP_S + 1.0)
@@ -319,7 +319,7 @@ class Cell:
         yield from self.wait(0.5)
 
     def _restart(self, number: signal.Signals) -> Steps:
-        yield from self.wait(1.2)  # its counters are told once a second
+        yield from self.wait(1.2)  # its counters are published once a second
         self._child.send_signal(number)
         yield from self._until(lambda: self._child.poll() is not None, "end of the node")
         if number == signal.SIGINT and self._child.returncode != 0:

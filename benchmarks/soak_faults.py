@@ -1,4 +1,4 @@
-"""What goes wrong around the node in a soak."""
+"""Faults around the node in a soak."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Any
 import numpy as np
 
 LONGEST_RAMP_S = 1.0
-NEAR = np.zeros(3)  # [rad] beside the middle of the motion
+NEAR = np.zeros(3)  # [rad] relative to the middle of the motion
 
 Steps = Iterator[None]
 
 
 class Faults:
-    """What goes wrong, one thing after another; each a generator that takes a cell through it."""
+    """Faults, one after another; each is a generator that takes a cell through it."""
 
     def __init__(self, calibrations: dict[str, Path], singular: np.ndarray, seed: int) -> None:
         self._files, self._singular = calibrations, singular
         self._rng = np.random.default_rng(seed)
 
     def round(self, cell: Any) -> Steps:
-        """All of them once."""
+        """Apply all of them once."""
         each = (
             self.nan_burst,
             self.tracker_gone,
@@ -127,8 +127,8 @@ class Faults:
     def lifecycle(self, cell: Any) -> Steps:
         from lifecycle_msgs.msg import Transition
 
-        cell.holding = True  # active again, it begins where the drives stand
-        for name in ("DEACTIVATE", "CONFIGURE", "ACTIVATE"):  # the second does not fit
+        cell.holding = True  # once active again it starts at the position of the drives
+        for name in ("DEACTIVATE", "CONFIGURE", "ACTIVATE"):  # the second one is invalid
             transition = getattr(Transition, f"TRANSITION_{name}")
             yield from cell.transit(transition)
             yield from cell.wait(0.1)

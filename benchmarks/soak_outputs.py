@@ -1,4 +1,4 @@
-"""What may come out of the node in a soak."""
+"""Checks of the node's outputs in a soak."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-STOP_S = 0.1  # [s] without an output: what comes next may begin where the drives stand
-RETURN_S = 2.0  # [s] of the way from there to the commands
+STOP_S = 0.1  # [s] without an output after which the next may start at the position of the drives
+RETURN_S = 2.0  # [s] duration of the return from there to the commands
 
 
 @dataclass(frozen=True)
@@ -16,30 +16,30 @@ class Told:
 
     when: float  # steady [s]
     joint: np.ndarray
-    held: bool  # whether the node may be holding, or on its way back
+    held: bool  # whether the node may be holding, or returning
 
 
 class Outputs:
-    """Checks each output against the commands; what is broken is kept in words."""
+    """Checks each output against the commands; keeps violations in words."""
 
     def __init__(self, bound: float, rate: float, speed: float) -> None:
         self.bound, self._step = bound, rate + speed
         self.count, self.fastest, self.largest = 0, 0.0, 0.0
         self.broken: list[str] = []
-        self.during = ""  # the fault that the cell goes through
+        self.during = ""  # the fault that is being applied
         self.told: dict[int, Told] = {}
         self._last: tuple[Told, np.ndarray] | None = None
         self._came, self._returning = (
             np.inf,
             -np.inf,
-        )  # last output; until when it may be on its way
+        )  # last output; end of a possible return
 
     def forget(self) -> None:
-        """The node begins anew: the next output follows none."""
+        """The node has restarted: do not compare the next output with the last."""
         self._last = None
 
     def take(self, stamp: int, out: np.ndarray, now: float) -> None:
-        """An output came."""
+        """Check an output."""
         self.count += 1
         if now - self._came > STOP_S:
             self._returning = now + RETURN_S
@@ -56,7 +56,8 @@ class Outputs:
                 self._break(f"a correction of {self.largest:.5f} rad")
         if self._last is not None:
             before, last = self._last
-            # The node took the one after the first was sent and the other before it was here.
+            # The node received the later one after the first was sent, and the earlier one before
+            # now.
             allowed = self._step * (now - before.when) + 1e-9
             if finite and np.isfinite(before.joint).all():
                 allowed = allowed + np.abs(told.joint - before.joint)

@@ -1,9 +1,9 @@
-"""Other libraries on the objective of the swarm: each as it is meant to be used, none slowed.
+"""Other libraries on the objective of the swarm, each used as intended and not slowed down.
 
 All search the same box, scaled to +-1, for the same distance, which is compiled. A library that
-takes whole swarms is given whole swarms. All stop at the tolerance in the same way, at once: the
-objective itself ends the search. Where a library leaves the constants of a swarm to its user they
-are those of Clerc and Kennedy, w = 0.729 and c1 = c2 = 1.494, which settle soonest.
+accepts whole swarms is given whole swarms. All stop at the same tolerance, at once: the objective
+itself ends the search. Where a library leaves the constants of a swarm to its user they are those
+of Clerc and Kennedy, w = 0.729 and c1 = c2 = 1.494, which converge fastest.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ W, C1, C2 = 0.729, 1.494, 1.494
 
 
 class Reached(Exception):  # noqa: N818 (it is no error)
-    """The objective has been within the tolerance, or asked too often."""
+    """The objective has reached the tolerance, or the limit of evaluations."""
 
 
 class Objective:
-    """Distance from one target [m] over the box scaled to +-1; counts, and ends the search."""
+    """Distance from a target [m] over the box scaled to +-1; counts calls, ends the search."""
 
     def __init__(
         self, point: Callable[[Array], Array], q: Array, target: Array, bound: float, tol: float
@@ -40,11 +40,11 @@ class Objective:
         self.best = np.zeros(3)
 
     def gap(self, x: Array) -> Array:
-        """Points at places (n, 3) less the target, (n, 3) [m]."""
+        """Points at positions (n, 3) minus the target, (n, 3) [m]."""
         return self._point(self._q + self._bound * x) - self._target
 
     def many(self, x: Array) -> Array:
-        """Distances at places (n, 3), as (n,)."""
+        """Distances at positions (n, 3), as (n,)."""
         x = np.clip(x, -1.0, 1.0)
         gap = self.gap(x)
         far = np.sqrt(np.sum(gap * gap, axis=1))
@@ -58,12 +58,12 @@ class Objective:
         return far
 
     def one(self, x: Array) -> float:
-        """Distance at one place (3,)."""
+        """Distance at one position (3,)."""
         return float(self.many(np.asarray(x)[None])[0])
 
 
 def pyswarms(f: Objective, seed: int) -> None:
-    """GlobalBestPSO, whole swarms."""
+    """GlobalBestPSO, with whole swarms."""
     np.random.seed(seed)  # noqa: NPY002 (what the library draws from)
     single = importlib.import_module("pyswarms.single")
     swarm = single.GlobalBestPSO(
@@ -76,7 +76,7 @@ def pyswarms(f: Objective, seed: int) -> None:
 
 
 def cma(f: Objective, seed: int) -> None:
-    """CMA-ES from the middle, population of its own choice."""
+    """CMA-ES from the middle, with its default population."""
     library = importlib.import_module("cma")
     options = {"bounds": [-1, 1], "verbose": -9, "seed": seed + 1, "tolfun": 0, "tolx": 0}
     options |= {"tolfunhist": 0, "tolflatfitness": 1000}
@@ -87,7 +87,7 @@ def cma(f: Objective, seed: int) -> None:
 
 
 def mealpy(f: Objective, seed: int) -> None:
-    """OriginalPSO; the library asks place by place."""
+    """OriginalPSO; the library evaluates one position at a time."""
     library = importlib.import_module("mealpy")
     box = library.FloatVar(lb=3 * [-1.0], ub=3 * [1.0])
     problem = {"bounds": box, "minmax": "min", "obj_func": f.one, "log_to": None}
@@ -96,7 +96,7 @@ def mealpy(f: Objective, seed: int) -> None:
 
 
 def pymoo(f: Objective, seed: int) -> None:
-    """Its own adaptive PSO, whole swarms."""
+    """The library's own adaptive PSO, with whole swarms."""
     base = importlib.import_module("pymoo.core.problem").Problem
     swarm = importlib.import_module("pymoo.algorithms.soo.nonconvex.pso").PSO
     minimize = importlib.import_module("pymoo.optimize").minimize
@@ -113,7 +113,7 @@ def pymoo(f: Objective, seed: int) -> None:
 
 def root(f: Objective, seed: int) -> None:
     """Powell's hybrid method on the three components of the gap, started at the command."""
-    del seed  # nothing is drawn
+    del seed  # no random numbers
     optimize = importlib.import_module("scipy.optimize")
 
     def gap(x: Array) -> Array:
@@ -135,7 +135,7 @@ RIVALS: dict[str, Solver] = {
 
 def installed(name: str) -> bool:
     """Whether the library of this name can be imported."""
-    logging.disable(logging.INFO)  # some announce themselves
+    logging.disable(logging.INFO)  # some libraries print when they are imported
     try:
         importlib.import_module(name)
     except ImportError:
@@ -144,6 +144,6 @@ def installed(name: str) -> bool:
 
 
 def solve(solver: Solver, f: Objective, seed: int) -> None:
-    """Let it search until the objective ends it, or it ends itself."""
+    """Run a solver until the objective ends it, or it ends by itself."""
     with suppress(Reached):
         solver(f, seed)

@@ -1,12 +1,12 @@
-"""How exact a table of corrections is between its nodes, and what a lookup costs beside Newton.
+"""Accuracy of a table of corrections between its nodes, and time of a lookup compared with Newton.
 
     python benchmarks/table.py
 
-Machines with errors as their tolerances allow, each its own calibration over the disc in the
-paper's plane that its line crosses. The errors are the distance of the tool, by the identified
-model, from where Newton's correction brings it, at many places of the disc that know nothing of
-the grid. Times are the least of many short runs of `Table.at` and `Newton.correct`: a batch is
-2000 commands; one alone is a call from Python.
+Machines have errors within their tolerances; each has its own calibration over the disc that the
+paper's line crosses. The error is the distance of the tool, by the identified model, from its
+position with Newton's correction, at many places of the disc that are independent of the grid.
+Times are the shortest of many short runs of `Table.at` and `Newton.correct`: a batch is 2000
+commands; a single one is a call from Python.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ MACHINES, PLACES, BATCH = 6, 50_000, 2000
 
 
 def disc(n: int, seed: int) -> np.ndarray:
-    """Places of the disc (n, 3) [m], a tenth of them on its rim."""
+    """Positions on the disc (n, 3) [m], a tenth of them on its rim."""
     rng = np.random.default_rng(seed)
     r = RADIUS * np.sqrt(np.where(np.arange(n) < n // 10, 1.0, rng.random(n)))
     turn = rng.uniform(0, 2 * np.pi, n)
@@ -52,7 +52,7 @@ def disc(n: int, seed: int) -> np.ndarray:
 
 
 def machine(robot: Robot, model: str, seed: int) -> Calibration:
-    """A machine as its tolerances allow, known as it is, over the disc and its rim."""
+    """Calibration with the true parameters of a random machine, over the disc and its rim."""
     mechanism = robot.model(model)
     parameters = mechanism.parameters
     drawn = parameters.prior * np.random.default_rng(seed).standard_normal(len(parameters))
@@ -71,12 +71,12 @@ def identified(known: Calibration) -> IdentifiedMachine:
 
 
 def least(function: Callable[[], object], number: int, items: int, repeats: int) -> float:
-    """Microseconds an item."""
+    """Time per item [us]."""
     return 1e6 * min(timeit.repeat(function, number=number, repeat=repeats)) / number / items
 
 
 def exactness(robot: Robot) -> None:
-    """The largest error of all machines, by model and nodes."""
+    """Print the largest error over all machines, by model and number of nodes."""
     q = nominal_joints(robot, disc(PLACES, 1))
     print("| model | nodes an axis | made in [s] | by its own check [um] | on the disc [um] |")
     print("|---|---|---|---|---|")
@@ -99,7 +99,7 @@ def exactness(robot: Robot) -> None:
 
 
 def cost(robot: Robot) -> None:
-    """A lookup, beside Newton's compiled search of the same corrections."""
+    """Print the time of a lookup, and of Newton's compiled search for the same corrections."""
     target = disc(BATCH, 2)
     q = nominal_joints(robot, target)
     settings = NewtonSettings(bound_rad=robot.limits.correction)

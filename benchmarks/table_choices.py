@@ -1,10 +1,11 @@
-"""Why a table is as it is: its grid and its splines beside others, at the same number of nodes.
+"""Reasons for the choices of the table: other grids and splines with the same number of nodes.
 
     python benchmarks/table_choices.py
 
-The largest error on the disc of benchmarks/table.py, of the same machines: nodes evenly in the
-joints or closer at their ends, evenly in the target's coordinates, cubics of three kinds. Places
-of the disc that a grid has no value for, as a node about them is out of reach, are counted.
+The largest error on the disc of benchmarks/table.py, with the same machines: nodes spaced evenly
+in the joints or closer at their ends, evenly in the target's coordinates, and cubics of three
+kinds. Places of the disc without a value are counted: a neighbouring node of the grid is out of
+reach.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from delta_calibration.plans import nominal_joints
 from delta_calibration.robot import load_robot
 from table import MACHINES, PLANE, RADIUS, disc, identified, machine
 
-K, PAD = 15, 0.01  # nodes an axis; of the box's width, beyond the disc's joints either side
-EVEN = 1e-9  # b of a grid that is even
-MARGIN = 0.01  # [m] of a grid over the targets, about the disc
+K, PAD = 15, 0.01  # nodes per axis; margin beyond the joints of the disc, relative to the box
+EVEN = 1e-9  # parameter b of an even grid
+MARGIN = 0.01  # [m] margin of a grid over the targets, around the disc
 WAYS = (
     ("joints, closer at the ends", "splines"),
     ("joints, evenly", "splines"),
@@ -34,7 +35,7 @@ SETTINGS = NewtonSettings(bound_rad=0.2, iterations=40)
 
 
 def weights(kind: str, t: np.ndarray) -> np.ndarray:
-    """Of the four nodes about a place, t from 0 to 1 between the middle two, (4, n)."""
+    """Weights of the four nodes around a position, t in 0...1 between the middle two, (4, n)."""
     if kind == "Catmull-Rom":
         parts = -t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, t**3 - t**2
         return np.stack(parts) / 2
@@ -43,7 +44,7 @@ def weights(kind: str, t: np.ndarray) -> np.ndarray:
 
 
 def local(kind: str, values: np.ndarray, u: np.ndarray) -> np.ndarray:
-    """Cubics by the 64 nodes about each place u (n, 3) in steps; beyond the ends by a cubic."""
+    """Cubics by the 64 nodes around u (n, 3) in steps; beyond the ends by cubic extrapolation."""
     for axis in range(3):
         v = np.moveaxis(values, axis, 0)
         first = 4 * v[0] - 6 * v[1] + 4 * v[2] - v[3]

@@ -1,4 +1,4 @@
-"""Pictures of a UR10's page: curves of its joints, and what each extension gains."""
+"""Pictures for the page of the UR10: joint error curves and the gain of each extension."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from real_ur10 import Gained, Left, curve_of, without_course
 
 
 def figures(lefts: dict[str, Left], gains: dict[str, list[Gained]]) -> list[Figure]:
-    """Curves of joints by both series; what each extension gains on held-out blocks."""
+    """Error curves of joints from both series; gain of each extension on held-out blocks."""
     return [_curves(lefts), _gains(gains)]
 
 

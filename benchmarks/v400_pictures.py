@@ -1,4 +1,4 @@
-"""Pictures of the V400: what meshes keep, and how little 19 data say of nine parameters."""
+"""Pictures of the V400: mesh residuals, and uncertainty of nine parameters from 19 data."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MM = 1e3
 
 
 def figures(root: Path) -> list[Figure]:
-    """Meshes, then parameters."""
+    """Figures of the meshes, then of the parameters."""
     return [_meshes(root), _parameters(root)]
 
 
@@ -60,7 +60,7 @@ def _meshes(root: Path) -> Figure:
 
 
 def _gridded(place: Array, value: Array) -> tuple[Array, Array, Array]:
-    """Nodes (n, 2) [m] and their values (n,) as axes [mm] and a grid, NaN where there is none."""
+    """Axes [mm] and grid of nodes (n, 2) [m] with values (n,); NaN where there is no node."""
     x, y = (np.unique(np.round(MM * axis, 3)) for axis in place.T)
     grid = np.full((len(y), len(x)), np.nan)
     column, row = (

@@ -1,9 +1,9 @@
-"""The watch of a calibrated machine: false alarms in simulated years, and how soon a change shows.
+"""Monitoring of a calibrated machine: false alarms in simulated years, and delay of detection.
 
-A machine comes to the same places every day, the tracker and the reflector set up anew. Rest
-errors of a place hang together from visit to visit and from day to day (correlation 0.9). In the
-second part an arm is longer from the first day on; lambda is the decrease of chi square that it
-brings in the first day's readings.
+A machine visits the same places every day, with tracker and reflector set up again each time. The
+rest errors of a place are correlated from visit to visit and from day to day (correlation 0.9). In
+the second part an arm is longer from the first day on; lambda is the decrease of chi square that
+this causes in the first day's readings.
 
     python benchmarks/watching.py [--years 4] [--rate 0.1] [--places 12] [--visits 2] [--seed 0]
 """
@@ -34,7 +34,7 @@ SIZES = (2e-5, 3e-5, 4e-5, 6e-5, 8e-5, 1.2e-4)  # [m]
 def days(
     machine: TrueMachine, robot: Robot, program: Poses, seed: int, visits: int
 ) -> Iterator[Poses]:
-    """Readings of one day after the other."""
+    """Yield the readings of one day after the other."""
     rng, n = np.random.default_rng([seed, 21]), len(program)
     index, spread = np.tile(np.arange(n), visits), robot.joints.repeatability
     rows = ("joint", "command", "point", "scatter", "direction", "travel", "place", "repeat")
@@ -62,7 +62,7 @@ def days(
 
 
 def main() -> None:
-    """Simulate years, then changes; print alarms."""
+    """Simulate years, then changes; print the alarms."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--years", type=int, default=4)
     parser.add_argument("--rate", type=float, default=0.1)
@@ -105,7 +105,7 @@ def main() -> None:
 
 
 def calibrated(robot: Robot, seed: int, places: int) -> tuple[TrueMachine, Calibration, Poses]:
-    """A machine, its calibration and the places that it comes to."""
+    """A machine, its calibration and the places that it visits daily."""
     machine = draw_machine(robot, seed)
     plan = make_plan("identify", robot, count=40, seed=seed)
     poses = collect(simulate_session(machine, plan, seed), robot.joints.names)

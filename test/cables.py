@@ -1,4 +1,4 @@
-"""Two drawings, and cable robots written apart: a cable at a time, turns by quaternions."""
+"""Two nominal cable robots, and an independent model: cable by cable, rotations by quaternions."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FOUR_CABLES = CableDimensions(  # a point on three low cables and one from above
 
 @dataclass(frozen=True)
 class Winches:
-    """A real machine: where its cables go and what a motor angle lets out; zero at `home`."""
+    """A real machine: anchors, joints and gains of its cables; motor angles are zero at `home`."""
 
     anchors: np.ndarray  # (m, 3) [m]
     joints: np.ndarray  # (m, 3) [m]
@@ -35,18 +35,18 @@ class Winches:
     offsets: np.ndarray | float = 0.0  # [m] let out at counter zero beyond the home length
 
     def lengths(self, pose) -> np.ndarray:
-        """(m,) [m] at one pose."""
+        """Cable lengths at one pose, (m,) [m]."""
         turn = Rotation.from_rotvec(pose[3:]) if len(pose) == 6 else Rotation.identity()
         ends = [turn.apply(joint) + pose[:3] for joint in self.joints]
         return np.array([dist(a, b) for a, b in zip(self.anchors, ends, strict=True)])
 
     def motors(self, poses) -> np.ndarray:
-        """(n, m) [rad]."""
+        """Motor angles at poses, (n, m) [rad]."""
         zero = self.lengths(self.home) + self.offsets
         return np.array([(self.lengths(pose) - zero) / self.gains for pose in poses])
 
     def seen_from(self, turn, place, poses) -> np.ndarray:
-        """Poses in a device whose frame sees the robot's turned and at `place`."""
+        """Poses in the frame of a device, rotated and displaced from the robot's."""
         turn, rows = Rotation.from_rotvec(turn), []
         for pose in poses:
             row = turn.apply(pose[:3]) + place
@@ -57,7 +57,7 @@ class Winches:
 
 
 def built(dimensions, rng, scale=1.0, offsets=0.0) -> Winches:
-    """The drawing with errors of a workshop: 10 mm, 2 mm, half a percent."""
+    """The nominal machine with manufacturing errors: 10 mm, 2 mm, half a percent."""
     d = dimensions
     body = len(d.home) == 6
     return Winches(
@@ -72,7 +72,7 @@ def built(dimensions, rng, scale=1.0, offsets=0.0) -> Winches:
 
 
 def workspace(dimensions, n, rng) -> np.ndarray:
-    """Poses in the middle of either set of dimensions, (n, k)."""
+    """Poses in the middle of the workspace of either machine, (n, k)."""
     if len(dimensions.home) == 3:
         return rng.uniform([-0.25, -0.25, 0.3], [0.25, 0.25, 1.4], (n, 3))
     place = rng.uniform([-1.0, -0.8, 0.7], [1.0, 0.8, 1.8], (n, 3))
@@ -80,7 +80,7 @@ def workspace(dimensions, n, rng) -> np.ndarray:
 
 
 def geometry_of(machine: Winches, free_zeros=False) -> np.ndarray:
-    """The machine as the package's vector."""
+    """The machine as the package's parameter vector."""
     parts = [machine.anchors]
     if len(machine.home) == 6:
         parts.append(machine.joints)

@@ -1,4 +1,4 @@
-"""The calibration node with upstream, drives and an operator around it, in this process."""
+"""The calibration node with an upstream node, drives and an operator, in this process."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ NAMES = ROBOT.joints.names
 MACHINE = draw_machine(ROBOT, 5)
 T0_NS = 1_700_000_000_000_000_000
 Q = make_plan("line", ROBOT, count=5).joint[4]
-CLEARLY = 1e-5  # [rad] a correction is larger than this at Q
+CLEARLY = 1e-5  # [rad] smaller than the correction at Q
 
 
 @pytest.fixture(scope="module", name="session")
@@ -57,7 +57,7 @@ def file_fixture(desk: CalibrationSession, tmp_path: Path) -> Path:
 
 
 class Cell:
-    """The node under test, with upstream, drives and an operator around it."""
+    """The node under test, with an upstream node, drives and an operator."""
 
     def __init__(self, bench: Bench, start: bool = True, **parameters: object) -> None:
         given = [
@@ -95,7 +95,7 @@ class Cell:
         self.bench.spin_for(0.3)
 
     def give(self, q: np.ndarray, stamp_ns: int = T0_NS, frame: str = "") -> JointState | None:
-        """Send a command; what comes out for it, None if nothing does."""
+        """Send a command; return the output for it, None if there is none."""
         message = JointState(name=list(NAMES), position=array("d", q.tolist()))
         message.header.stamp, message.header.frame_id = ns_to_stamp(stamp_ns), frame
         return self.answer(message)

@@ -1,8 +1,9 @@
-"""Closures of all mechanisms written apart, in numpy: an independent second formulation.
+"""Closures of all mechanisms written by hand in numpy: an independent second formulation.
 
 The package writes each closure in symbols for one sample and generates its derivatives. Here they
-stand for all samples at once, as arrays, with rotations of the package's `geometry` or scipy's.
-Functions of the first five can be evaluated at complex arguments (derivatives by complex step).
+are written for all samples at once, as arrays, with rotations of the package's `geometry` or
+scipy's. The first five functions can be evaluated at complex arguments (derivatives by complex
+step).
 """
 
 from __future__ import annotations
@@ -17,12 +18,12 @@ from delta_calibration.mechanisms import CableRobot, FiveAxis, Mechanism, Serial
 
 Array = np.ndarray
 
-FRAMES = rotations.about_z(2 * np.pi / 3 * np.arange(3))  # of a Delta's legs
+FRAMES = rotations.about_z(2 * np.pi / 3 * np.arange(3))  # of the legs of a Delta
 SIDES = np.array([-1.0, 1.0])  # of the rods of a leg
 
 
 def rotary_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
-    """|x - e_i|^2 - l_i^2."""
+    """Closure |x - e_i|^2 - l_i^2."""
     del model
     leg = _limbs(g, 3)
     elbow = _in_base(leg[..., 0:3] + _arm(q, leg[..., 3:5], leg[..., 5], leg[..., 6]))
@@ -30,7 +31,7 @@ def rotary_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
 
 
 def six_rod_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
-    """|p + R a_ij - e_ij|^2 - l_ij^2."""
+    """Closure |p + R a_ij - e_ij|^2 - l_ij^2."""
     del model
     leg = _limbs(g, 3)
     middle = leg[..., 0:3] + _arm(q, leg[..., 6:8], leg[..., 8], leg[..., 9])
@@ -49,7 +50,7 @@ def six_rod_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
 
 
 def linear_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
-    """|x - c_i|^2 - L_i^2."""
+    """Closure |x - c_i|^2 - L_i^2."""
     del model
     radius, angle, top, arm = g[..., 0:1], g[..., 1:4], g[..., 4:7], g[..., 7:10]
     away = [
@@ -61,7 +62,7 @@ def linear_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
 
 
 def five_axis(model: FiveAxis, q: Array, x: Array, g: Array) -> Array:
-    """|o + T_v t_v - s_v - q_v e_z|^2 - L_v^2."""
+    """Closure |o + T_v t_v - s_v - q_v e_z|^2 - L_v^2."""
     strut = _limbs(g, 4)
     a, b = x[:, 2:3], x[:, 3:4] * np.array([1.0, 1.0, 0.0, 0.0])
     t, s = strut[..., 0:3], strut[..., 3:6]
@@ -76,7 +77,7 @@ def five_axis(model: FiveAxis, q: Array, x: Array, g: Array) -> Array:
 
 
 def cable_robot(model: CableRobot, q: Array, x: Array, g: Array) -> Array:
-    """|a_i - P - R b_i| - l_0i - k_i theta_i."""
+    """Closure |a_i - P - R b_i| - l_0i - k_i theta_i."""
     cable = _limbs(g, model.joints)
     body = model.pose_size == 6
     gain = cable[..., 6 if body else 3]
@@ -94,7 +95,7 @@ def cable_robot(model: CableRobot, q: Array, x: Array, g: Array) -> Array:
 
 
 def serial_arm(model: SerialArm, q: Array, x: Array, g: Array) -> Array:
-    """(p - p_F, rotation vector of R(w) R_F^T); of real numbers only."""
+    """Closure (p - p_F, rotation vector of R(w) R_F^T); for real numbers only."""
     each = np.broadcast_to(g, (len(q), g.shape[-1]))
     return np.stack([_arm_misfit(model, *sample) for sample in zip(q, x, each, strict=True)])
 
@@ -110,7 +111,7 @@ BY_HAND: dict[str, Callable[..., Array]] = {
 
 
 def placed(model: Mechanism, x: Array, offset: Array) -> Array:
-    """Points fixed to the platform at `offset` (n, 3), in the base, (n, 3); complex x as well."""
+    """Points fixed to the platform at `offset` (n, 3), in the base, (n, 3); x may be complex."""
     if model.name == "five_axis":
         a, b = x[:, 2], x[:, 3]
         along = np.cos(b) * offset[:, 0] + np.sin(b) * offset[:, 2]
@@ -123,7 +124,7 @@ def placed(model: Mechanism, x: Array, offset: Array) -> Array:
 
 
 def walked(model: SerialArm, q: Array, g: Array) -> tuple[Array, Rotation]:
-    """Where an arm's tool is (3,) [m], and how it is turned: link after link, by scipy."""
+    """Position (3,) [m] and orientation of an arm's tool, link after link, by scipy."""
     value = dict(zip(model.parameters.names, g, strict=True))
     place, turn = np.zeros(3), Rotation.identity()
     for i, link in enumerate(model.dimensions.links, 1):
@@ -151,7 +152,7 @@ def _limbs(g: Array, count: int) -> Array:
 
 
 def _in_base(vectors: Array) -> Array:
-    """Of three legs' frames.  (..., 3, 3) -> (..., 3, 3)."""
+    """Vectors of three leg frames in the base.  (..., 3, 3) -> (..., 3, 3)."""
     return np.einsum("cij,...cj->...ci", FRAMES, vectors)
 
 

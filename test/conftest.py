@@ -1,7 +1,7 @@
-"""Keeps a test run to itself: a ROS domain of its own, loopback only, logs in a temporary folder.
+"""Isolates a test run: its own ROS domain, loopback only, logs in a temporary folder.
 
-Set here, before any test imports rclpy, once in every pytest-xdist worker; the nodes that tests
-start inherit it.
+This is set here, before any test imports rclpy, once in every pytest-xdist worker; the nodes that
+tests start inherit it.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-LAST_SAFE_DOMAIN = 101  # above it, DDS ports run into Linux's ephemeral ones
+LAST_SAFE_DOMAIN = 101  # above it, DDS ports overlap with Linux's ephemeral ones
 FOREIGN_ROS = (
     "ROS_LOCALHOST_ONLY",
     "ROS_STATIC_PEERS",
@@ -29,10 +29,10 @@ FOREIGN_ROS = (
 
 
 def _claim_domain() -> int:
-    """The first domain that no other test process here holds, locked until this one ends."""
+    """The first domain that no other test process here holds, locked until this process ends."""
     for domain in range(1, LAST_SAFE_DOMAIN + 1):
         path = Path(tempfile.gettempdir()) / f"delta_calibration_ros_domain_{domain}.lock"
-        with suppress(OSError):  # another user's file
+        with suppress(OSError):  # file of another user
             lock = os.open(path, os.O_CREAT | os.O_RDWR)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -45,12 +45,12 @@ def _claim_domain() -> int:
 
 for _name in FOREIGN_ROS:
     os.environ.pop(_name, None)
-# The workers fill the cores already; threads of the linear algebra would stand in their way.
+# The workers already use all cores; threads of the linear algebra would slow them down.
 os.environ["OPENBLAS_NUM_THREADS"] = "1"
 os.environ["ROS_DOMAIN_ID"] = str(_claim_domain())
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
-# A process of tests has many participants, one a context; one of a cell has a single one.
+# A test process has many participants, one per context; a process of a real cell has one.
 os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(Path(__file__).with_name("fastdds.xml"))
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
@@ -59,9 +59,9 @@ settings.load_profile("repeatable")
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_collection() -> Iterator[None]:
-    """Without looking for garbage: a million objects are made, and nearly all of them stay.
+    """Collect without garbage collection: a million objects are made, and nearly all stay.
 
-    Nor are they looked at again while tests run.
+    They are frozen afterwards, so the collector does not examine them while tests run.
     """
     gc.disable()
     yield
@@ -71,16 +71,16 @@ def pytest_collection() -> Iterator[None]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Files with slow tests first, so that no worker ends with one; and `_try_again`."""
+    """Run files with slow tests first, so that no worker ends with one; mark tests for a rerun."""
     slow = Counter(item.path for item in items if item.get_closest_marker("slow"))
     items.sort(key=lambda item: -slow[item.path])
     _try_again(config, items)
 
 
 def _try_again(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Try a test of real nodes twice: readings go best effort, and a busy machine loses some.
+    """Rerun a failed test of real nodes once: readings are best effort, a busy machine loses some.
 
-    What is broken fails twice; a rerun is said in the summary.
+    A real defect fails twice; a rerun is listed in the summary.
     """
     if config.pluginmanager.hasplugin("rerunfailures"):
         for item in items:
@@ -90,5 +90,5 @@ def _try_again(config: pytest.Config, items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _ros_log_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Nodes write their logs beside the other temporary files, not into the home folder."""
+    """Make nodes write their logs beside the other temporary files, not into the home folder."""
     os.environ["ROS_LOG_DIR"] = str(tmp_path_factory.mktemp("ros_log"))

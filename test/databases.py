@@ -1,4 +1,4 @@
-"""Empty databases for tests: SQLite, and a real PostgreSQL that is started for them."""
+"""Empty databases for tests: SQLite, and a real PostgreSQL server started for them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 
 def _programs() -> Path | None:
-    """Folder of PostgreSQL's programs, as Debian puts them."""
+    """Folder of PostgreSQL's programs, in Debian's layout or on the path."""
     found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), reverse=True)
     if found:
         return found[0].parent
@@ -23,13 +23,13 @@ def _programs() -> Path | None:
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[Path]:
-    """A PostgreSQL server of the test's own; the folder of its socket."""
+    """Start a separate PostgreSQL server; yield the folder of its socket."""
     pytest.importorskip("psycopg")
     programs = _programs()
     if programs is None:
         pytest.skip("no PostgreSQL: apt install postgresql")
-    who = {"user": "postgres"} if os.geteuid() == 0 else {}  # the server refuses root
-    folder = Path(tempfile.mkdtemp(prefix="pg", dir="/tmp"))  # sockets have short names
+    who = {"user": "postgres"} if os.geteuid() == 0 else {}  # the server refuses to run as root
+    folder = Path(tempfile.mkdtemp(prefix="pg", dir="/tmp"))  # socket names must be short
     try:
         if who:
             shutil.chown(folder, "postgres")
@@ -53,7 +53,7 @@ def server() -> Iterator[Path]:
         for command in commands:
             done = subprocess.run(
                 [str(programs / command[0]), *command[1:]],
-                stdout=subprocess.DEVNULL,  # the server keeps what it is given open
+                stdout=subprocess.DEVNULL,  # the server keeps inherited files open
                 stderr=subprocess.DEVNULL,
                 check=False,
                 cwd=folder,
@@ -75,7 +75,7 @@ def server() -> Iterator[Path]:
 
 @pytest.fixture(params=["sqlite", "postgresql"])
 def url(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[str]:
-    """An empty database."""
+    """URL of an empty database."""
     if request.param == "sqlite":
         yield str(tmp_path / "h.sqlite")
         return

@@ -1,4 +1,4 @@
-"""Exported machines compiled here, and called from Python through ctypes."""
+"""Exported machines, compiled here and called from Python through ctypes."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _DOUBLES = ctypes.POINTER(ctypes.c_double)
 
 
 def machine(robot, model=None, effects=(), values=(), region=EVERYWHERE) -> Calibration:
-    """A machine with half of its tolerances, these effects and their values."""
+    """Calibration of a machine with half of its tolerances, these effects and their values."""
     rng = np.random.default_rng(4)
     chain = chain_of(robot, model)
     parameters = chain.mechanism.parameters
@@ -58,10 +58,10 @@ def machine(robot, model=None, effects=(), values=(), region=EVERYWHERE) -> Cali
 
 
 def commands(robot: Robot, mechanism: Mechanism, n: int, far: int, seed: int = 0) -> np.ndarray:
-    """Commands about those of a plan, (n, m); the first `far` anywhere."""
+    """Commands around those of a plan, (n, m); the first `far` are far from it."""
     rng = np.random.default_rng(seed)
     plan = make_plan("identify", robot, count=40, both_sides=False).joint
-    near = 0.02 if mechanism.joints == mechanism.task_size else 1e-3  # cables keep together
+    near = 0.02 if mechanism.joints == mechanism.task_size else 1e-3  # redundant cables fit little
     size = np.full(n, near)
     size[:far] = rng.choice([2.0, 0.3], far)
     spread = mechanism.joint_size * size[:, None] * rng.standard_normal((n, plan.shape[1]))
@@ -69,7 +69,7 @@ def commands(robot: Robot, mechanism: Mechanism, n: int, far: int, seed: int = 0
 
 
 def moving(q: np.ndarray, parts: tuple[str, ...] = (), size: float = 1.0) -> Conditions:
-    """Conditions of commands in motion, under any load and warmth; `size` is that of a joint."""
+    """Conditions in motion, with varying loads and temperatures; `size` is that of a joint."""
     rng, n = np.random.default_rng(1), len(q)
     return replace(
         at_rest(q),
@@ -107,7 +107,7 @@ class Compiled:
 
     @cached_property
     def conditions(self) -> type[ctypes.Structure]:
-        """The structure of that name."""
+        """The C structure of that name."""
         real, parts = ctypes.c_double, len(self.parts)
         each = [(name, real * self.joints) for name in ("rate", "acceleration", "direction")]
         rest = [("time", real), ("payload", real), ("payload_centre", real * 3)]
@@ -127,7 +127,7 @@ class Compiled:
         return found
 
     def correct(self, q: np.ndarray, at: Conditions | None = None) -> tuple[np.ndarray, list]:
-        """Answers to commands, (n, m), and what became of each."""
+        """Corrected commands, (n, m), and the verdict on each."""
         out, call = np.empty_like(q), self.library[f"{self.prefix}correct"]
         verdicts = []
         for row in range(len(q)):
@@ -138,5 +138,5 @@ class Compiled:
 
 
 def doubles(values: np.ndarray):
-    """An array as C takes it."""
+    """Pointer to an array for C."""
     return values.ctypes.data_as(_DOUBLES)

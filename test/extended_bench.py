@@ -1,4 +1,4 @@
-"""Calibrations with effects, made of a fit and what a test wants to be in it."""
+"""Calibrations with effects, made from a fit and given effects."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Effects = Mapping[str, tuple[Mapping[str, object], object]]
 
 
 def with_effects(found: Identification, robot: Robot, effects: Effects) -> Identification:
-    """The fit with these effects on the way: settings and values of each by its cause."""
+    """The fit with these effects added: settings and values of each, by its cause."""
     mechanism = found.chain.mechanism
     made = [effect_named(cause, robot, mechanism, shape) for cause, (shape, _) in effects.items()]
     values = [

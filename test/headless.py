@@ -1,4 +1,4 @@
-"""A headless Chromium, driven over its debugging pipe: no library, no port, no network."""
+"""A headless Chromium, controlled over its debugging pipe: no library, no port, no network."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ _OPTIONS = (
 
 
 def chromium() -> str | None:
-    """Where a Chromium is installed, if one is."""
+    """Path of an installed Chromium, or None."""
     return next((path for path in map(shutil.which, NAMES) if path), None)
 
 
 class Browser:
-    """One page; what it said and asked for while it was open."""
+    """One page, with its errors and its network requests."""
 
     def __init__(self, write: int, read: int) -> None:
         self._write, self._read, self._number = write, read, 0
@@ -53,7 +53,7 @@ class Browser:
             self._call(f"{domain}.enable")
 
     def open(self, path: Path, width: int, height: int = 900) -> None:
-        """Open a file in a window so wide [px]."""
+        """Open a file in a window of this width [px]."""
         self.resize(width, height)
         self.requests.clear()
         self.errors.clear()
@@ -73,11 +73,11 @@ class Browser:
         )
 
     def settle(self, seconds: float = 0.5) -> None:
-        """Let the page work."""
+        """Wait while the page works."""
         self.run(f"new Promise(done => setTimeout(done, {int(1000 * seconds)}))")
 
     def run(self, script: str) -> Any:
-        """Value of an expression in the page; a promise is waited for."""
+        """Value of an expression in the page; waits for a promise."""
         answer = self._call(
             "Runtime.evaluate", expression=script, awaitPromise=True, returnByValue=True
         )
@@ -100,7 +100,7 @@ class Browser:
         return base64.b64decode(data)
 
     def pdf(self) -> bytes:
-        """The page as printed."""
+        """The page as PDF."""
         data = self._call("Page.printToPDF", preferCSSPageSize=True, printBackground=False)
         return base64.b64decode(data["data"])
 
@@ -157,7 +157,7 @@ class Browser:
 
 
 def _pipe() -> tuple[int, int]:
-    """Ends of a pipe with numbers out of the way of 3 and 4."""
+    """Ends of a pipe with descriptors other than 3 and 4."""
     ends = os.pipe()
     high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in ends]
     for end in ends:
@@ -167,13 +167,13 @@ def _pipe() -> tuple[int, int]:
 
 @contextmanager
 def browser() -> Iterator[Browser]:
-    """A browser for a while, its profile in a folder of its own."""
+    """A browser for the duration of a test, with a temporary profile."""
     program = chromium()
     assert program is not None
     to_child, from_here = _pipe()
     to_here, from_child = _pipe()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
-        # the pipe's ends have to be descriptors 3 and 4 there
+        # The child expects the pipe's ends as descriptors 3 and 4.
         script = f'exec "$0" "$@" 3<&{to_child} 4>&{from_child}'
         process = subprocess.Popen(
             ["bash", "-c", script, program, *_OPTIONS, f"--user-data-dir={profile}"],

@@ -1,4 +1,4 @@
-"""A measured machine of six rods and what is made of it, shared by the tests of identification."""
+"""A measured six-rod machine and its identification, shared by the tests of identification."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def errors(rng, scale=1.0):
 
 @cache
 def found(seed):
-    """A machine with a real one's errors, 40 places twice, and what is made of it."""
+    """A machine with realistic errors, 40 places measured twice, and its identification."""
     rng = np.random.default_rng(seed)
     cell = Cell(SixRods(errors(rng)), tuple(2e-3 * rng.standard_normal(3)))
     q = np.repeat(workspace(40, rng), 2, axis=0)
@@ -39,7 +39,7 @@ def rms(vectors):
 
 
 def slope_of(poses):
-    """dy/dq of the nominal machine by differences, (n, 3, 3)."""
+    """dy/dq of the nominal machine by finite differences, (n, 3, 3)."""
     cell, h = Cell(SixRods()), 1e-6
     columns = [
         cell.reading(poses.joint + h * e) - cell.reading(poses.joint - h * e) for e in np.eye(3)

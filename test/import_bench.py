@@ -1,4 +1,4 @@
-"""Tables and mappings that the tests of `delta-cal import` are made of."""
+"""Tables and mappings for the tests of `delta-cal import`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ JOINTS = ("q1", "q2", "q3")
 
 
 def measured():
-    """A session, and what stands still in it."""
+    """A session, and its poses at rest."""
     machine = draw_machine(SRBD, 5)
     plan = make_plan("identify", SRBD, count=24, seed=5)
     session = simulate_session(machine, plan, 5)
@@ -26,7 +26,7 @@ def measured():
 
 
 def mapping_of(**changes):
-    """Of stops in degrees and millimetres."""
+    """Mapping for a table of stops in degrees and millimetres."""
     mapping = {
         "schema": 1,
         "rows": "stops",
@@ -40,13 +40,13 @@ def mapping_of(**changes):
 
 
 def stops(poses):
-    """Head and rows of the poses, in degrees and millimetres."""
+    """Header and rows of the poses, in degrees and millimetres."""
     joint, point = np.degrees(poses.joint), 1e3 * poses.point
     return [*JOINTS, "x", "y", "z"], [[*map(repr, r)] for r in np.hstack([joint, point]).tolist()]
 
 
 def imported(folder, head, rows, mapping, robot="srbd", code=0):
-    """Write table and mapping, run the verb; where the session is."""
+    """Write table and mapping, run the verb; return the folder of the session."""
     number = len(list(folder.iterdir()))
     table, yaml, out = (folder / f"{number}{end}" for end in (".csv", ".yaml", "_session"))
     with table.open("w", newline="") as file:
@@ -58,7 +58,7 @@ def imported(folder, head, rows, mapping, robot="srbd", code=0):
 
 
 def refused(capsys, folder, head, rows, mapping, robot="srbd"):
-    """The one line that the verb answers with, without the file's name."""
+    """The one line of error that the verb prints, without the file's name."""
     out = imported(folder, head, rows, mapping, robot, code=2)
     assert not out.exists()
     text = capsys.readouterr().err.strip()

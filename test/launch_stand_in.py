@@ -1,9 +1,10 @@
-"""A stand-in for `launch` and `launch_ros`, which are not on PyPI: what a launch file would start.
+"""A stand-in for `launch` and `launch_ros`, which are not on PyPI: what a launch file starts.
 
-Holds what is built of them and evaluates it by their rules as documented: substitutions are
-joined to texts, values of parameters are coerced as YAML to their `value_type`, which must be one
-of `typing`'s, a package that is not installed is `ament_index_python`'s error. Functions are
-called with a context; what they raise leaves `started`, with nothing started. No process is.
+It keeps what is built from them and evaluates it by their documented rules: substitutions are
+joined to texts, parameter values are coerced as YAML to their `value_type`, which must be one of
+`typing`'s, and a package that is not installed raises `ament_index_python`'s error. Functions are
+called with a context; what they raise is raised by `started`, with nothing started. No process is
+started.
 """
 
 from __future__ import annotations
@@ -24,16 +25,16 @@ INSTALLED = frozenset({"delta_calibration", "robot_state_publisher", "rviz2", "f
 
 
 class PackageNotFoundError(KeyError):
-    """As that of `ament_index_python`."""
+    """Like that of `ament_index_python`."""
 
 
 class SubstitutionFailure(RuntimeError):  # noqa: N818  launch's name
-    """As launch's."""
+    """Like that of launch."""
 
 
 @dataclass(frozen=True)
 class LaunchContext:
-    """Arguments of the launch file, and what this machine has."""
+    """Arguments of the launch file, and the packages installed on this machine."""
 
     launch_configurations: dict[str, str]
     installed: frozenset[str] = INSTALLED
@@ -57,7 +58,7 @@ class PathJoinSubstitution:
 
 @dataclass
 class Command:
-    """What is run is told, and not run."""
+    """A command whose text is returned instead of its output."""
 
     command: list[Any]
     on_stderr: str = "fail"
@@ -94,7 +95,7 @@ def _require(package: str, context: LaunchContext) -> None:
 
 
 def joined(parts: Any, context: LaunchContext) -> str:
-    """Texts and substitutions, one after the other."""
+    """Texts and substitutions, concatenated."""
     return "".join(part if isinstance(part, str) else part.perform(context) for part in parts)
 
 
@@ -135,7 +136,7 @@ class OpaqueFunction:
 
 @dataclass(kw_only=True)
 class Shutdown:
-    """Ends all that was launched."""
+    """Stops everything that was launched."""
 
     reason: str
 
@@ -154,11 +155,11 @@ class Node:
 
     @property
     def files(self) -> list[str]:
-        """Files of parameters, which come before the values."""
+        """Parameter files, which are read before the values."""
         return [entry for entry in self.parameters if isinstance(entry, str)]
 
     def values(self, context: LaunchContext) -> dict[str, Any]:
-        """Parameters as the node would get them, without those of files."""
+        """Parameters that the node would get, without those of files."""
         return {
             name: value.perform(context) if isinstance(value, ParameterValue) else value
             for table in self.parameters
@@ -175,7 +176,7 @@ class LaunchDescription:
     def context(
         self, chosen: dict[str, str], installed: frozenset[str] = INSTALLED
     ) -> LaunchContext:
-        """The arguments: those chosen, the others by their defaults."""
+        """The arguments: those chosen, and defaults for the others."""
         known = {argument.name: argument for argument in self.arguments}
         assert set(chosen) <= set(known)
         for name, value in chosen.items():
@@ -214,7 +215,7 @@ MODULES: dict[str, dict[str, Any]] = {
 
 @contextmanager
 def standing_in() -> Iterator[None]:
-    """While it lasts, importing launch gives this."""
+    """Context in which importing launch gives this stand-in."""
     before = {name: sys.modules.get(name) for name in MODULES}
     for name, content in MODULES.items():
         module = ModuleType(name)
@@ -229,7 +230,7 @@ def standing_in() -> Iterator[None]:
 
 
 def load(path: Path) -> LaunchDescription:
-    """What a launch file describes."""
+    """Load the description of a launch file."""
     with standing_in():
         names: dict[str, Any] = {"__name__": "launch_file", "__file__": str(path)}
         exec(compile(path.read_text(encoding="utf-8"), str(path), "exec"), names)

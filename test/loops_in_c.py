@@ -1,4 +1,4 @@
-"""Compiled functions that are translated to C by a test, and some that have none."""
+"""Compiled functions that a test translates to C, and some that cannot be translated."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ Array = np.ndarray
 
 @compiled(borrows=True)
 def _ends(values: Array, first: int) -> tuple[float, int]:
-    """Two numbers, of different kinds, of what is left."""
+    """Two numbers of different types, computed from the rest of an array."""
     part = values[first:]
     return part[0] - part[len(part) - 1], len(part)
 
 
 @compiled(borrows=True)
 def everything(rows: Array, out: Array, settings: Array) -> float:
-    """What the chain's loops have, in few lines."""
+    """All constructs of the chain's loops, in few lines."""
     total, least, scale = 0, np.inf, 2
     m, k = rows.shape
     for row in rows:
@@ -43,13 +43,13 @@ def everything(rows: Array, out: Array, settings: Array) -> float:
 
 @compiled(borrows=True)
 def remaining(values: Array) -> None:
-    """A remainder, which has another sign in C."""
+    """A remainder, whose sign differs in C."""
     values[0] = len(values) % 3
 
 
 @compiled(borrows=True)
 def undecided(values: Array) -> float:
-    """A name of two kinds."""
+    """A name with two types."""
     part = values[0]
     part = values[1:]
     return float(part[0])
@@ -57,7 +57,7 @@ def undecided(values: Array) -> float:
 
 @compiled(borrows=True)
 def listing(values: Array) -> float:
-    """Numbers that stand in the text."""
+    """A loop over literal numbers."""
     total = 0.0
     for side in (-1.0, 1.0):
         total += side * values[0]

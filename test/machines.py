@@ -1,4 +1,4 @@
-"""The mechanisms that are registered, each with the drawing of a robot of the package."""
+"""The registered mechanisms, each with the nominal dimensions of a robot of the package."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ ROBOTS = [load_robot(name) for name in known_robots()]
 
 
 def _models() -> dict[str, Mechanism]:
-    """Every model of every robot's drawing, and a serial arm of other joints and tool."""
+    """Every model of every robot, and a serial arm with other joints and another tool."""
     models = {
         f"{robot.name}-{name}": robot.model(name)
         for robot in ROBOTS
@@ -43,7 +43,7 @@ MODELS = _models()
 
 
 def machine(mechanism: Mechanism, rng: np.random.Generator, scale: float = 5.0) -> np.ndarray:
-    """Geometry with `scale` times the manufacturing errors one expects."""
+    """Geometry with `scale` times the expected manufacturing errors."""
     parameters = mechanism.parameters
     return parameters.nominal + scale * parameters.prior * rng.standard_normal(len(parameters))
 
@@ -51,20 +51,20 @@ def machine(mechanism: Mechanism, rng: np.random.Generator, scale: float = 5.0) 
 def places(
     mechanism: Mechanism, g: np.ndarray, rng: np.random.Generator, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joints and poses around home that belong together at geometry g, (n, m), (n, k)."""
+    """Consistent joints and poses around home at geometry g, (n, m), (n, k)."""
     home, nominal = mechanism.home[None], mechanism.parameters.nominal
     way = mechanism.joint_size * rng.uniform(-0.2, 0.2, (n, mechanism.joints))
     x = mechanism.forward(home, nominal)
     if mechanism.joints == mechanism.task_size:
         x = mechanism.forward(home + way, nominal)
-    else:  # not all joints together have a pose
+    else:  # arbitrary joints are not consistent
         x = x + way @ mechanism.velocity_jacobian(home, x, nominal)[0].T
     q = mechanism.inverse(x[:, : mechanism.task_size], g)
     return q, mechanism.forward(q, g)
 
 
 def complex_step(function, x: np.ndarray) -> np.ndarray:
-    """Derivative of function(x) by the components of x, appended as last axis; no cancellation."""
+    """Derivative of function(x) by the components of x as last axis, without cancellation."""
     columns = []
     for k in range(x.shape[-1]):
         moved = x.astype(complex)
@@ -74,7 +74,7 @@ def complex_step(function, x: np.ndarray) -> np.ndarray:
 
 
 def differences(function, x: np.ndarray, step: float = 2e-3) -> np.ndarray:
-    """The same of a function of real numbers only, by central differences: error of step^6."""
+    """The same for functions of real numbers, by central differences with an error of step^6."""
     columns = []
     for way in step * np.eye(x.shape[-1]):
         sides = [function(x + i * way) - function(x - i * way) for i in (1, 2, 3)]

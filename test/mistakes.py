@@ -1,6 +1,6 @@
-"""Sessions with a mistake made on purpose: 36 kinds, each at two sizes, for every robot.
+"""Sessions with a mistake made on purpose: 37 kinds, each at two sizes, for every robot.
 
-The script shares no code with the doctor: a mistake is made on the recorded numbers, as a logger,
+This module shares no code with the doctor: a mistake is made in the recorded numbers, as a logger,
 an exporter or a user would make it.
 """
 
@@ -25,7 +25,7 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 
 ROBOTS = ("srbd", "linear_delta", "five_axis", "cdpr8", "scara", "ur10")
 BOTH = ("joint_command", "joint_states")
-_TURN = 20e-6  # [rad] noise of a probe's turn
+_TURN = 20e-6  # [rad] noise of a probe's rotation
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Made:
-    """A session with a mistake, and what is to be found in it."""
+    """A session with a mistake, and what has to be found in it."""
 
     session: Session
     mistake: str
@@ -56,8 +56,8 @@ class Made:
     part: str | None = None
     value: float | None = None
     within: float = 0.02  # of the value
-    document: dict | None = None  # of a robot file with the mistake in it
-    clean: Session | None = None  # without the mistake, where that is not the case's session
+    document: dict | None = None  # of a robot file with the mistake
+    clean: Session | None = None  # without the mistake, if different from the case's session
 
 
 Kind = Callable[[Case, int], Made | None]
@@ -65,13 +65,13 @@ KINDS: dict[str, Kind] = {}
 
 
 def kind(make: Kind) -> Kind:
-    """List a kind of mistake; it makes None where a robot cannot show it."""
+    """Register a kind of mistake; it returns None if a robot cannot show it."""
     KINDS[make.__name__] = make
     return make
 
 
 def clean_case(name: str, seed: int, turns: bool = False, effects=(), plan="identify") -> Case:
-    """A session of a machine with errors of manufacture, and hidden effects if wanted."""
+    """A session of a machine with manufacturing errors, and hidden effects if requested."""
     robot = load_robot(name)
     document = robot_document(name)[1]
     if turns:
@@ -83,11 +83,11 @@ def clean_case(name: str, seed: int, turns: bool = False, effects=(), plan="iden
 
 
 def has_turns(name: str) -> bool:
-    """Whether a kind of mistake is one of poses."""
+    """Whether a kind of mistake needs measured rotations."""
     return name.startswith("turns_")
 
 
-# How a mistake is made.
+# Tools for making mistakes.
 
 
 def joints(session: Session, streams, change) -> Session:
@@ -123,7 +123,7 @@ def stamped(session: Session, stream: str, change) -> Session:
 
 
 def behind(session: Session, share: float) -> tuple[np.ndarray, float]:
-    """Which readings lie behind a share of the session, (n, 1), and when that is [s]."""
+    """Which readings lie after a share of the session, (n, 1), and the time of that [s]."""
     time = (session.tracker.stamp_ns - session.tracker.stamp_ns[0]) * 1e-9
     when = share * time[-1]
     return (time > when)[:, None], when
@@ -163,7 +163,7 @@ def tracker_unit(case, size):
 
 @kind
 def coordinate_unit(case, size):
-    """Heights in mm beside metres; y in inches."""
+    """Heights in mm instead of metres; y in inches."""
     axis, factor, name = ((2, 1e3, "unit_mm"), (1, 1 / 0.0254, "unit_inch"))[size]
     by = np.ones(3)
     by[axis] = factor
@@ -230,7 +230,7 @@ def _offset(case: Case, value: float, joint: int, streams) -> Made:
 
 
 def _turns(case: Case, size: int) -> float:
-    """One or two turns of a joint, 20 or 100 mm of one that slides."""
+    """One or two turns of a joint; 20 or 100 mm of a sliding one."""
     return (0.02, 0.1)[size] if case.slides else 2 * np.pi * (1, 2)[size]
 
 
@@ -242,20 +242,20 @@ def command_offset(case, size):
 @kind
 def states_offset(case, size):
     if case.robot.name == "ur10":
-        return None  # which of two streams is a turn off lies within limits of +-360 degrees
+        return None  # limits of +-360 degrees leave open which of two streams is a turn off
     return _offset(case, _turns(case, size), 1, BOTH[1:])
 
 
 @kind
 def joint_offset(case, size):
-    """5 and 30 degrees; 10 and 60 mm; 3 and 15 turns of a motor with a drum."""
+    """5 and 30 degrees; 10 and 60 mm; 5 and 20 turns of a motor with a drum."""
     value = np.radians((5.0, 30.0)[size])
     if case.slides:
         value = (0.01, 0.06)[size]
     if case.robot.name == "cdpr8":
         value = 2 * np.pi * (5, 20)[size]
     made = _offset(case, value, 1, BOTH)
-    # the machine's own zeros are 1 mm off, its anchors 10 mm, and that is in it as well
+    # The offset includes the machine's own zeros, 1 mm off, or its anchors, 10 mm off.
     own = {"linear_delta": 0.3, "cdpr8": 0.2}
     return replace(made, within=own.get(case.robot.name, made.within))
 
@@ -263,14 +263,14 @@ def joint_offset(case, size):
 @kind
 def joint_turns(case, size):
     if case.slides or case.robot.name in ("ur10", "cdpr8"):
-        return None  # no turns, or turns that its limits allow
+        return None  # no rotations, or rotations within its limits
     return _offset(case, 2 * np.pi * (1, -2)[size], 1, BOTH)
 
 
 @kind
 def exchanged(case, size):
     session = case.session
-    if size:  # and only one of them as often
+    if size:  # only one of them at that rate
         states = session.states
         keep = slice(None, None, 2)
         session = replace(
@@ -287,7 +287,7 @@ def exchanged(case, size):
 @kind
 def mirrored(case, size):
     if case.robot.name == "scara":
-        return None  # a plane seen from behind: the frame takes it up
+        return None  # a plane seen from behind: the frame absorbs it
     sign = np.array([(1.0, -1.0, 1.0), (1.0, 1.0, -1.0)][size])
     part = (None, "z")[size]
     return Made(points(case.session, lambda p: p * sign), "frame_mirrored", ("tracker",), part)
@@ -304,7 +304,7 @@ def axes(case, size):
 
 @kind
 def turns_mirrored(case, size):
-    """Position alone: its turns say which axis."""
+    """Mirror positions only: the rotations show which axis is mirrored."""
     sign = np.array([(-1.0, 1.0, 1.0), (1.0, 1.0, -1.0)][size])
     if case.robot.name == "scara":
         return None
@@ -313,7 +313,7 @@ def turns_mirrored(case, size):
 
 @kind
 def turns_axes(case, size):
-    """A turn of the axes, which points alone do not show."""
+    """Permute the axes, which points alone do not show."""
     order = ([1, 2, 0], [2, 0, 1])[size]
     return Made(points(case.session, lambda p: p[:, order]), "axes_swapped", ("tracker",))
 
@@ -327,7 +327,7 @@ def turns_quaternion(case, size):
 
 @kind
 def turns_angles(case, size):
-    """Angles of one order put together in another, by a tracker that leans by 0.8 rad."""
+    """Read angles of one order in another, with a tracker tilted by 0.8 rad."""
     lean = Rotation.from_rotvec([0.6, 0.5, 0.3])
     session = points(case.session, lambda p: lean.apply(p))
     session = turned(session, lambda q: (lean * Rotation.from_quat(q)).as_quat())
@@ -380,7 +380,7 @@ def states_drift(case, size):
 
 
 def stops_table(session: Session) -> Session:
-    """One row a stop, ten seconds apart, as a table is brought in."""
+    """One row per stop, ten seconds apart, like an imported table."""
     moved = np.abs(np.diff(session.command.position, axis=0)).max(axis=1) > 0
     ends = np.flatnonzero(moved[1:] & ~moved[:-1])
     stamps = session.tracker.stamp_ns[0] + 10_000_000_000 * np.arange(len(ends))
@@ -399,13 +399,13 @@ def stops_table(session: Session) -> Session:
 
 @kind
 def rows_late(case, size):
-    """A table whose readings are one or three rows beside their joints."""
+    """A table whose readings are shifted by one or three rows against their joints."""
     late, clean = (10.0, 30.0)[size], stops_table(case.session)
     made = stamped(clean, "tracker", lambda t: t + late)
     return Made(made, "clock_offset", ("tracker",), None, late, clean=clean)
 
 
-# What changes in mid-session.
+# Changes during a session.
 
 
 @kind
@@ -426,7 +426,7 @@ def tracker_turned(case, size):
 
 @kind
 def reflector(case, size):
-    """Another reflector on the platform, 12.7 or 50 mm from the first."""
+    """Another reflector on the platform, 12.7 or 49 mm from the first."""
     late, when = behind(case.session, (0.5, 0.35)[size])
     shift = np.array([(0.0127, 0.0, 0.0), (-0.02, 0.04, 0.02)][size])
     session, machine = case.session, case.machine
@@ -460,7 +460,7 @@ def _every(session: Session, stream: str, size: int, between: bool) -> Session:
 
 
 def _logged(case: Case, size: int, stream: str, between: bool) -> Made:
-    """What is left without the values made up is the cleanest that can be had."""
+    """Without the made-up values the remaining ones are the cleanest possible session."""
     made = _every(case.session, stream, size, between)
     field = {"tracker": "tracker", BOTH[1]: "states"}[stream]
     old = getattr(case.session, field)
@@ -521,18 +521,18 @@ def file_unit(case, size):
 
 @kind
 def wrong_robot(case, size):
-    """The file of a machine of another size: a dimension is 15 or 40 % larger."""
+    """The file of a machine of another size: one dimension is 15 or 40 % larger."""
     path = _LENGTHS[case.robot.name][0]
     edited = _edited(case.document, path, lambda v: v * (1.15, 1.4)[size])
     edited["name"] = "another"
     return Made(case.session, "wrong_robot", ("robot_file",), document=edited)
 
 
-# How it is judged.
+# Evaluation.
 
 
 def examined(case: Case, made: Made) -> Checked:
-    """What the doctor says; of a robot file by its path."""
+    """Result of the doctor; a robot file is given by its path."""
     if made.document is None:
         return check(made.session, case.robot)
     with tempfile.TemporaryDirectory() as folder:
@@ -542,7 +542,7 @@ def examined(case: Case, made: Made) -> Checked:
 
 
 def is_it(found: Mistake, made: Made) -> bool:
-    """Whether a mistake that was found is the one that was made."""
+    """Whether a reported mistake is the one that was made."""
     if found.mistake != made.mistake or found.stream not in made.streams:
         return False
     if made.part not in (None, found.part) and not found.is_alternative:
@@ -555,7 +555,7 @@ def is_it(found: Mistake, made: Made) -> bool:
 
 
 def judged(found: tuple[Mistake, ...], made: Made) -> tuple[bool, bool]:
-    """Named right, and named first."""
+    """Whether the mistake is named, and whether it is named first."""
     right = {m.stream for m in found if is_it(m, made)} == set(made.streams)
     same = {m.mistake for m in found if not m.is_alternative}
     named = right and (

@@ -1,4 +1,4 @@
-"""What the nodes of the package offer and listen to, asked of real nodes."""
+"""Topics and services of the package's nodes, queried from real nodes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from delta_calibration.ros.simulated_tracker import SimulatedTracker
 from ros_helpers import Bench
 
 BAGS = Path(__file__).parents[1] / "bags"
-# What ROS itself gives every node, or every lifecycle node.
+# Topics and services that ROS itself gives every node, or every lifecycle node.
 ROS_OWN = {
     "parameter_events",
     "rosout",
@@ -44,7 +44,7 @@ ROS_OWN = {
 class End:
     """One end of a topic or service at a node."""
 
-    page: str  # of msg_docs: the name, slashes as underscores
+    page: str  # page of msg_docs: the name, with underscores for slashes
     node: str
     direction: str  # publishes, subscribes, serves
     type_name: str
@@ -52,7 +52,7 @@ class End:
 
 
 def every_node(bench: Bench, folder: Path) -> dict[str, Node]:
-    """Each node of the package, with all that can be switched on switched on."""
+    """Each node of the package, with all options switched on."""
     points = folder / "points.csv"
     points.write_text("x_mm,y_mm,z_mm\n0,0,-750\n")
     kinds = {
@@ -78,7 +78,7 @@ def every_node(bench: Bench, folder: Path) -> dict[str, Node]:
 
 
 def ends(node: Node) -> Iterator[End]:
-    """Topics and services of a node, less what ROS itself brings."""
+    """Topics and services of a node, without those of ROS itself."""
     name = node.get_name()
     for direction, entities in (
         ("publishes", node.publishers),
@@ -93,7 +93,7 @@ def ends(node: Node) -> Iterator[End]:
 
 
 def inventory(bench: Bench, folder: Path) -> set[End]:
-    """All that has to have a page."""
+    """Everything that must have a page."""
     nodes = every_node(bench, folder)
     every = {end for node in nodes.values() for end in ends(node)}
     nodes["session_recorder"].close()
@@ -101,18 +101,18 @@ def inventory(bench: Bench, folder: Path) -> set[End]:
 
 
 def page_of(name: str) -> str:
-    """`/tracker/point` -> `tracker_point`."""
+    """Name of the page: `/tracker/point` -> `tracker_point`."""
     return name.strip("/").replace("/", "_")
 
 
 def type_name(kind: type) -> str:
-    """`sensor_msgs/msg/JointState`."""
+    """Name of a type, such as `sensor_msgs/msg/JointState`."""
     package, group, *_ = kind.__module__.split(".")
     return f"{package}/{group}/{kind.__name__}"
 
 
 def qos_words(qos: QoSProfile) -> str:
-    """`reliable, volatile, depth 100`."""
+    """Quality of service in words, such as `reliable, volatile, depth 100`."""
     reliable = qos.reliability == ReliabilityPolicy.RELIABLE
     latched = qos.durability == DurabilityPolicy.TRANSIENT_LOCAL
     return ", ".join(

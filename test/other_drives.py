@@ -1,4 +1,4 @@
-"""The same machine with drives that count the other way, from elsewhere."""
+"""The same machine with drives that count in the other direction, from another zero."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SLIDES = np.array([250.0, -30.0, 1000.0, 12.5])  # [mm]
 
 
 def other_document(name: str) -> dict:
-    """The file of such a machine, in whose readings limits and home are."""
+    """Robot file of such a machine, with limits and home in drive readings."""
     data = robot_document(name)[1]
     joints, m = data["joints"], len(data["joints"]["names"])
     slides = "lower_mm" in joints
@@ -40,7 +40,7 @@ def other(name: str) -> tuple[Robot, Robot]:
 
 
 def in_readings(session: Session, robot: Robot) -> Session:
-    """A session of the plain robot as the other's drives tell it."""
+    """A session of the plain robot in the readings of the other drives."""
 
     def told(stream: JointStream | None) -> JointStream | None:
         if stream is None:

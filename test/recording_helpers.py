@@ -1,4 +1,4 @@
-"""Sessions and files that the tests of `recording` are made of."""
+"""Sessions and files for the tests of `recording`."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
 def make_session(rng: np.random.Generator, n: int = 200, *, point: bool = False) -> Session:
-    """A session with all streams, of numbers without meaning."""
+    """A session with all streams, of random numbers."""
     stamp = START_NS + np.arange(n) * 1_000_001
     turn = rng.normal(size=(n, 4))
     return Session(
@@ -64,7 +64,7 @@ def make_session(rng: np.random.Generator, n: int = 200, *, point: bool = False)
 
 
 def assert_same_streams(read: Session, meant: Session) -> None:
-    """Every stream of both is there and equal to the last bit."""
+    """Assert that all streams of both exist and are equal to the last bit."""
     for name in ("command", "states"):
         a, b = getattr(read, name), getattr(meant, name)
         assert a.names == b.names
@@ -104,7 +104,7 @@ def ros_joints(
     little_endian: bool = True,
     frame: str = "",
 ) -> bytes:
-    """A JointState encoded by rosbags, which knows nothing of this package."""
+    """A JointState encoded by rosbags, which is independent of this package."""
     message = STORE.types[JOINT_STATE](
         ros_header(stamp_ns, frame),
         list(names),
@@ -124,7 +124,7 @@ def foreign_mcap(
     chunked: bool = True,
     encoding: str = "cdr",
 ) -> Path:
-    """An MCAP file written straight by the library, as somebody else's recorder would."""
+    """An MCAP file written directly by its library, as another recorder would."""
     with path.open("wb") as stream:
         writer = Writer(
             stream, chunk_size=chunk_size, compression=compression, use_chunking=chunked

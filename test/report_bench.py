@@ -1,4 +1,4 @@
-"""One diagnosed session that the tests of the report share: a play, seen at rest."""
+"""One diagnosed session that the tests of the report share: backlash, measured at rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from delta_calibration.robot import load_robot
 
 ROBOT = load_robot("srbd")
 SEED = 1100
-# names that a page must show as they are, and not obey
+# Names that a page must display and not execute.
 JOINTS = ("<script>ask(1)</script>", 'b"onload="ask(2)', "$x_1$ & <b>")
 NAME = "</script><img src=x onerror=ask(3)>"
 HOSTILE = replace(ROBOT, name=NAME, joints=replace(ROBOT.joints, names=JOINTS))
@@ -31,11 +31,11 @@ PROVENANCE = Provenance(
 
 @lru_cache
 def hidden():
-    """The session and what is hidden in it."""
+    """The session and its hidden cause."""
     return hide({"backlash": 1.0}, SEED, "still")
 
 
 @lru_cache
 def found() -> Diagnosis:
-    """Its diagnosis."""
+    """Diagnosis of the session."""
     return diagnose(survey(hidden().session, ROBOT.joints.names), ROBOT)

@@ -1,4 +1,4 @@
-"""Real nodes for tests: in this process, and as processes of their own."""
+"""Real nodes for tests: in this process, and as separate processes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from delta_calibration.ros.inventory import NODES
 
 with (
     warnings.catch_warnings()
-):  # the first message made imports lark, and that a deprecated module
+):  # the first message made imports lark, which imports a deprecated module
     warnings.simplefilter("ignore", DeprecationWarning)
     import rosidl_generator_py  # noqa: F401
 
@@ -35,20 +35,21 @@ _CONTEXTS: weakref.WeakSet[Context] = weakref.WeakSet()  # of all benches
 
 
 def _collect() -> None:
-    """Let go of the participants of benches that were taken down.
+    """Release the participants of benches that were taken down.
 
-    Nodes refer to themselves, and a context with its participant lives as long as its nodes do,
-    until the collector comes by: with more than 32 in a process, others are not found any more.
+    Nodes refer to themselves, and a context with its participant exists as long as its nodes do,
+    until they are collected. With more than 32 participants in a process, further ones are not
+    discovered any more.
     """
     gc.collect()
-    if _CONTEXTS:  # something held them when the rest was put aside
+    if _CONTEXTS:  # something referred to them when the rest was frozen
         gc.unfreeze()
         gc.collect()
-    gc.freeze()  # what is there now is not looked at the next time: that takes long
+    gc.freeze()  # what exists now is skipped the next time, which saves time
 
 
 class Bench:
-    """Nodes of one test on a context of their own, spun as long as something is awaited."""
+    """Nodes of one test on their own context, spun while something is awaited."""
 
     def __init__(self) -> None:
         _collect()
@@ -68,7 +69,7 @@ class Bench:
         return self.add(Node(name, context=self.context, **kwargs))
 
     def until(self, condition: Callable[[], object], timeout_s: float = PATIENCE_S) -> bool:
-        """Spin until the condition holds; whether it came to hold."""
+        """Spin until the condition holds; return whether it does."""
         end = time.monotonic() + timeout_s
         while not condition():
             left = end - time.monotonic()
@@ -96,7 +97,7 @@ def bench_fixture() -> Iterator[Bench]:
 
 
 def environment() -> dict[str, str]:
-    """Environment of a node under test: that of the tests, and the package's own sources."""
+    """Environment of a node under test: that of the tests, with the package's sources."""
     variables = child_environment()
     sources = [str(ROOT), *variables.get("PYTHONPATH", "").split(os.pathsep)]
     variables["PYTHONPATH"] = os.pathsep.join(filter(None, sources))
@@ -104,7 +105,7 @@ def environment() -> dict[str, str]:
 
 
 class NodeProcess:
-    """A node in a process of its own; its output goes to a file."""
+    """A node in a separate process; its output goes to a file."""
 
     def __init__(self, command: list[str], log: Path) -> None:
         self.log = log
@@ -121,7 +122,7 @@ class NodeProcess:
         return self.log.read_text(errors="replace")
 
     def says(self, text: str, timeout_s: float = PATIENCE_S) -> bool:
-        """Wait until its output has the text; whether it came."""
+        """Wait until its output contains the text; return whether it does."""
         end = time.monotonic() + timeout_s
         while text not in self.output:
             if time.monotonic() > end or self.process.poll() is not None:
@@ -133,7 +134,7 @@ class NodeProcess:
         self.process.send_signal(number)
 
     def end(self, timeout_s: float = PATIENCE_S) -> int:
-        """Wait for it to end by itself; its exit code."""
+        """Wait for it to end by itself; return its exit code."""
         return self.process.wait(timeout_s)
 
 
@@ -142,9 +143,9 @@ Launch = Callable[..., NodeProcess]
 
 @pytest.fixture(name="launch")
 def launch_fixture(tmp_path: Path) -> Iterator[Launch]:
-    """Start `python -m module --ros-args -p name:=value ...`; killed at the end if still there.
+    """Start `python -m module --ros-args -p name:=value ...`; killed at the end if still running.
 
-    Executables of the package start by their entry, as the console scripts do.
+    Executables of the package are started by their entry point, like the console scripts.
     """
     started: list[NodeProcess] = []
 
@@ -168,7 +169,7 @@ def launch_fixture(tmp_path: Path) -> Iterator[Launch]:
 
 
 def yaml(value: object) -> str:
-    """A parameter's value as it stands on a command line."""
+    """A parameter's value as written on a command line."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list | tuple):

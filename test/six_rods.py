@@ -1,8 +1,8 @@
-"""A rotary Delta of six separate rods and a tracker before it, sharing no code with the package.
+"""A rotary Delta of six separate rods and a tracker, sharing no code with the package.
 
 Ball joints are points in space, a rod is a distance between two of them, and the platform is where
-six distances agree: Newton's method with the rotation turned on from the left. Only the names of
-what can be wrong with a machine are those of the package, so that errors can be put in by name.
+six distances agree: Newton's method with rotations applied from the left. Only the names of the
+errors of a machine are those of the package, so that errors can be set by name.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ RADIAL, TRANSVERSE, PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m]
 
 
 class SixRods:
-    """A machine with `errors` added to its drawing, by name; [m] and [rad]."""
+    """A machine with `errors` added to its nominal dimensions, by name; [m] and [rad]."""
 
     def __init__(self, errors: Mapping[str, float] | None = None) -> None:
         self.errors = dict(errors or {})
@@ -103,7 +103,7 @@ class SixRods:
 
 @dataclass(frozen=True)
 class Cell:
-    """A machine, the reflector on it, the tracker before it."""
+    """A machine, the reflector on it, and a tracker."""
 
     machine: SixRods
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -111,7 +111,7 @@ class Cell:
     place: tuple[float, float, float] = (-2.4, 1.7, 0.4)
 
     def reading(self, q: Array) -> Array:
-        """Where the tracker would see the reflector without noise, (n, 3)."""
+        """Noise-free tracker reading of the reflector, (n, 3)."""
         return self.turn.apply(self.machine.point(q, self.offset)) + self.place
 
     def measure(
@@ -124,7 +124,7 @@ class Cell:
         noise: float = 1.0,
         direction: Array | None = None,
     ) -> Poses:
-        """Poses at commands q, as they come out of a session: noise known, `noise` its factor."""
+        """Poses at commands q, as from a session; `noise` is a factor on the known noise."""
         true = self.reading(q + repeatability * rng.standard_normal(q.shape))
         distance = np.linalg.norm(true, axis=1)[:, None, None]
         beam = true[:, None] / distance
@@ -141,7 +141,7 @@ class Cell:
 def poses_of(
     q: Array, point: Array, scatter: Array, count: int, direction: Array | None = None
 ) -> Poses:
-    """The package's form of poses, encoders without error; equal commands are one place."""
+    """The package's form of poses, with exact encoders; equal commands are one place."""
     n = len(q)
     direction = np.ones((n, 3)) if direction is None else direction
     _, place = np.unique(q, axis=0, return_inverse=True)
@@ -179,7 +179,7 @@ def workspace(n: int, rng: np.random.Generator) -> Array:
 
 
 def drawing_joints(points: Array) -> Array:
-    """Joints of the drawing at platform positions, arms outward; by the cosine rule leg by leg."""
+    """Joints of the nominal machine at platform positions, arms outward, by the cosine rule."""
     joints = []
     for leg in LEGS:
         back = Rotation.from_euler("z", -120.0 * (leg - 1), degrees=True)

@@ -1,4 +1,4 @@
-"""The SROS 2 policy: the rules of its schema, and what the running nodes really open."""
+"""Tests of the SROS 2 policy: the rules of its schema, and what the running nodes really open."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from delta_calibration.access import NODES, OPERATOR, Rights, policy, rights
 from delta_calibration.cli.main import run
 from delta_calibration.errors import InputError
 
-# Format 0.2.0: element: (attributes that must be, that may be, children, whether one is needed).
+# Format 0.2.0: element: (required attributes, optional ones, children, whether one is required).
 RULES = {
     "policy": ({"version"}, set(), {"enclaves"}, True),
     "enclaves": (set(), set(), {"enclave"}, True),
@@ -25,7 +25,7 @@ RULES = {
     "service": (set(), set(), set(), False),
 }
 QUALIFIERS = {"publish", "subscribe", "reply", "request"}
-# What a node opens by another robot or session than those of the inventory, or by use_sim_time.
+# Opened with another robot or session than those of the inventory, or with use_sim_time.
 BY_CHOICE = {
     "/clock": {n.node for n in NODES},
     "/tracker/pose": {"session_player"},
@@ -34,7 +34,7 @@ Names = dict[str, set[str]]
 
 
 def faults(element: ElementTree.Element) -> list[str]:
-    """What breaks a rule of the schema, below and at an element."""
+    """Violations of the schema in an element and below it."""
     tag = element.tag
     if tag not in RULES:
         return [f"<{tag}> is no element of a policy"]
@@ -56,7 +56,7 @@ def faults(element: ElementTree.Element) -> list[str]:
 
 
 def allowed(text: str) -> dict[str, Names]:
-    """Full names by node and by what is allowed, as SROS 2 expands them."""
+    """Allowed full names by node and verb, as SROS 2 expands them."""
     every: dict[str, Names] = {}
     for profile in ElementTree.fromstring(text.encode()).iter("profile"):
         space = profile.attrib["ns"].rstrip("/") + "/"
@@ -124,7 +124,7 @@ def test_a_name_that_ros_does_not_know_is_refused(name: str) -> None:
 
 
 def missing_and_beyond(node: Rights, opened: Names) -> tuple[set[str], set[str]]:
-    """Names that a node opens and may not, and that it may and does not open."""
+    """Names that a node opens without permission, and names that it may open but does not."""
     told = allowed(policy([node]))[node.node]
     lacks = {
         f"{verb} {n}" for verb, names in opened.items() for n in names - told.get(verb, set())
@@ -140,7 +140,7 @@ def missing_and_beyond(node: Rights, opened: Names) -> tuple[set[str], set[str]]
 
 @pytest.mark.ros
 def test_the_policy_is_what_the_running_nodes_open(tmp_path: Path) -> None:
-    """Of every node the graph: all that it opens is allowed, and nothing else is."""
+    """For each node of the graph everything that it opens is allowed, and nothing else is."""
     pytest.importorskip("rclpy")
     from node_inventory import every_node
     from ros_helpers import Bench
@@ -159,7 +159,7 @@ def test_the_policy_is_what_the_running_nodes_open(tmp_path: Path) -> None:
 
 
 def opened_by(node: object) -> Names:
-    """What the graph knows of a node."""
+    """Names that the graph lists for a node."""
     ways = dict(publish="publisher", subscribe="subscriber", reply="service", request="client")
     own = node.get_name(), node.get_namespace()  # type: ignore[attr-defined]
     return {

@@ -1,4 +1,4 @@
-"""ISO 9283 on a session: deviations that are laid in by hand come out as they were laid in."""
+"""Tests of ISO 9283 values of a session: deviations that are put in by hand are found again."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ ROBOT = load_robot("srbd")
 RATE = 20.0
 UM = 1e-6
 
-# Of each pose P1..P5: what every cycle is off by, and what it swings by from cycle to cycle, [um].
+# For each pose P1..P5: constant deviation, and alternating deviation from cycle to cycle, [um].
 BIAS = np.array([[30, 40, 0], [100, 0, 0], [0, -60, 80], [0, 0, 250], [0, 0, 0]]) * UM
 SWING = np.array([[5, 0, 0], [0, 9, 0], [0, 0, 7], [0, 9, 0], [2, 3, 6]]) * UM
-LIFT, SWAY = 120 * UM, 11 * UM  # the paths: all too high, and to either side in turn
+LIFT, SWAY = 120 * UM, 11 * UM  # the paths: all too high, and alternately to either side
 
 
 def cycles(count: int) -> Session:
-    """A session of the plan with these deviations, the tracker without noise in the base."""
+    """A session of the plan with these deviations; a noise-free tracker in the base frame."""
     model = ROBOT.model("rotary_delta")
     plan = make_plan("iso9283", ROBOT, count=count, dwell=0.5)
     clock, visits = 0.0, np.zeros(5, dtype=int)
@@ -47,12 +47,12 @@ def cycles(count: int) -> Session:
             visits[pose] += 1
             off = BIAS[pose] + sign * SWING[pose]
         else:
-            path = plan.paths[(number - len(plan)) // 2]  # a way to the path, then the path
+            path = plan.paths[(number - len(plan)) // 2]  # a move to the path, then the path
             sign = 1 if runs % 2 else -1
             runs += (number - len(plan)) % 2
             normal = np.array([1.0, 1.0, 0.0]) / np.sqrt(2)
             tangent = CUBE.line()[-1] - CUBE.line()[0]
-            if path.name == "line":  # a side way that is square to the line and to the lift
+            if path.name == "line":  # sideways, perpendicular to the line and to the lift
                 normal = np.cross(tangent, [0.0, 0.0, 1.0])
                 normal /= np.linalg.norm(normal)
                 up = np.cross(normal, tangent / np.linalg.norm(tangent))
@@ -66,7 +66,7 @@ def cycles(count: int) -> Session:
         clock += float(leg.time[-1]) + 1 / RATE
     stamp = np.round(np.concatenate(stamps) * 1e9).astype(np.int64)
     joint = JointStream(stamp, ROBOT.joints.names, np.concatenate(joints))
-    # A still tracker repeats its value, which counts as frozen: a nanometre of life.
+    # Repeated readings count as frozen, so noise of a nanometre is added.
     rng = np.random.default_rng(0)
     point = np.concatenate(points)
     point = point + 1e-9 * rng.standard_normal(point.shape)
@@ -74,7 +74,7 @@ def cycles(count: int) -> Session:
 
 
 def drawing_as_calibration() -> Calibration:
-    """The nominal robot, the tracker's frame the base's own."""
+    """The nominal robot as a calibration, with the tracker frame equal to the base frame."""
     chain = chain_of(ROBOT)
     theta = chain.join(chain.mechanism.parameters.nominal, chain.offset, Frame.identity())
     corners = Region(np.array(list(product((-1.0, 1.0), (-1.0, 1.0), (-1.0, 0.0)))))
@@ -98,7 +98,8 @@ def thirty():
 def test_deviations_laid_in_by_hand_come_out(thirty, conditions):
     found, value = report(thirty, conditions, drawing_as_calibration())
     n = conditions.position_cycles
-    # The swing of an odd number of cycles leaves 1/n of itself in the mean: first -, last -.
+    # With an odd number of cycles 1/n of the alternating deviation remains in the mean: first -,
+    # last -.
     left = -(n % 2) / n
     for k in range(5):
         mean = BIAS[k] + left * SWING[k]
@@ -107,7 +108,8 @@ def test_deviations_laid_in_by_hand_come_out(thirty, conditions):
         radii = radii * np.linalg.norm(SWING[k])
         rp = radii.mean() + 3 * radii.std(ddof=1)
         assert value["RP", f"P{k + 1}"] == pytest.approx(rp, abs=0.02 * UM)
-    # P2 and P4 swing together, so their distance does not: AD is that of the biases, RD nothing.
+    # P2 and P4 deviate together, so their distance does not: AD is that of the constants, RD is
+    # zero.
     p = CUBE.poses()
     distance = np.linalg.norm(p[1] + BIAS[1] - p[3] - BIAS[3]) - np.linalg.norm(p[1] - p[3])
     assert value["AD", "P2-P4"] == pytest.approx(distance, abs=0.02 * UM)
@@ -116,11 +118,11 @@ def test_deviations_laid_in_by_hand_come_out(thirty, conditions):
 
 
 def test_paths_too_high_and_swaying(thirty):
-    """AT is the lift, RT the sway, for a line that sways sideways and a circle along its axis."""
+    """AT is the lift, RT the sway, of a line with sideways and a circle with axial sway."""
     _, value = report(thirty, STANDARD, drawing_as_calibration())
     assert value["AT", "line"] == pytest.approx(LIFT, abs=0.1 * UM)
     assert value["RT", "line"] == pytest.approx(SWAY, abs=0.1 * UM)
-    # The commanded circle is a polygon that stays within a micrometre of the round one.
+    # The commanded circle is a polygon that stays within a micrometre of the true circle.
     assert value["AT", "circle"] == pytest.approx(LIFT, abs=0.3 * UM)
     assert value["RT", "circle"] == pytest.approx(SWAY, abs=0.3 * UM)
 
@@ -152,7 +154,7 @@ def test_a_session_without_paths_has_no_path_criteria(thirty):
 
 
 def test_of_two_paths_the_one_that_was_run_too_seldom_is_named(thirty):
-    """The ten circles come last: a second and a half before the end one is not complete."""
+    """The ten circles come last; without the last second and a half one of them is incomplete."""
     names = ROBOT.joints.names
     readings = match(thirty, names)
     cut = readings.take(readings.time < readings.time[-1] - 1.5)
@@ -164,7 +166,7 @@ def test_of_two_paths_the_one_that_was_run_too_seldom_is_named(thirty):
     assert report(thirty, STANDARD, None)[0].left_out == ()
 
 
-# A session as a cell records it, by a few lines of one's own
+# A session evaluated by an independent short program.
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +186,7 @@ def own_frame(source, target):
 
 
 def test_a_simulated_session_by_a_few_lines_of_ones_own(simulated):
-    """Stops by the command's own standstill, means of readings, numpy; no part of the package."""
+    """Stops by the command's standstill, means of readings, numpy; no code of the package."""
     found, value = report(simulated, STANDARD, None)
     command, point = simulated.command.position, simulated.tracker.position
     rest = np.r_[False, (np.diff(command, axis=0) == 0).all(axis=1)]
@@ -203,14 +205,14 @@ def test_a_simulated_session_by_a_few_lines_of_ones_own(simulated):
     for k in range(5):
         ap = np.linalg.norm(middle[k] - CUBE.poses()[k])
         rp = radius[k].mean() + 3 * radius[k].std(ddof=1)
-        # Which readings belong to a stop is seen differently at its edges: below a micrometre.
+        # The two select slightly different readings at the edges of a stop: below a micrometre.
         assert value["AP", f"P{k + 1}"] == pytest.approx(ap, abs=1.5 * UM)
         assert value["RP", f"P{k + 1}"] == pytest.approx(rp, abs=3 * UM)
     between = np.linalg.norm(reached[1] - reached[3], axis=1)
     meant = np.linalg.norm(CUBE.poses()[1] - CUBE.poses()[3])
     assert value["AD", "P2-P4"] == pytest.approx(between.mean() - meant, abs=1.5 * UM)
     assert value["RD", "P2-P4"] == pytest.approx(3 * between.std(ddof=1), abs=3 * UM)
-    # 12 urad of rest error at 0.4 m/rad or so: some micrometres, not tens, not none.
+    # Rest errors of 12 urad at about 0.4 m/rad: a few micrometres.
     assert all(2 * UM < v.value < 60 * UM for v in found.values if v.symbol in ("RP", "RT"))
 
 
@@ -219,14 +221,14 @@ def test_the_standards_ten_runs_and_the_papers_three_come_from_one_session(simul
         found, value = report(simulated, conditions, None)
         paths = {(v.symbol, v.where): v.cycles for v in found.values if v.symbol in ("AT", "RT")}
         assert paths == dict.fromkeys(product(("AT", "RT"), ("line", "circle")), runs)
-        # The machine's own error at the middle of the line is what it is at P1, to 20 um.
+        # The machine's error in the middle of the line equals that at P1 within 20 um.
         assert value["AT", "line"] > value["AP", "P1"] - 20 * UM
 
 
 def test_at_of_a_simulated_session_is_the_machines_own_deviation(simulated):
-    """Largest distance of the true machine's point from the line, square to it, in the own frame.
+    """Largest perpendicular distance of the true machine from the line, in the fitted frame.
 
-    Ten runs leave a third of the rest error's few micrometres in the mean.
+    In the mean of ten runs a third of the rest error, a few micrometres, remains.
     """
     machine = draw_machine(ROBOT, 4)
     _, value = report(simulated, STANDARD, None)
@@ -252,7 +254,7 @@ FEW = Conditions("a few cycles", position_cycles=3, distance_cycles=3, path_cycl
 
 @pytest.mark.parametrize("name", ["linear_delta", "cdpr8", "ur10"])
 def test_every_robot_is_judged_by_the_cube_that_its_plan_drives(name):
-    """By the machine's true places; cycles of all robots were looked for in the Delta's cube."""
+    """By the machine's true positions. Earlier, all robots were tested in the Delta's cube."""
     robot = load_robot(name)
     machine, plan = draw_machine(robot, 5), make_plan("iso9283", robot, count=6, dwell=0.4)
     session = simulate_session(machine, plan, 5)
@@ -260,7 +262,7 @@ def test_every_robot_is_judged_by_the_cube_that_its_plan_drives(name):
     report = evaluate(collect(session, names), match(session, names), robot, FEW, None)
     found = {(value.symbol, value.where): value.value for value in report.values}
     assert report.left_out == ()
-    # where the machine truly stands in P1 to P5, told by the plan's own order: P5 down to P1
+    # True positions at P1 to P5; the plan visits them in the order P5 to P1.
     chain, theta = machine.chain, machine.theta
     at = at_rest(plan.joint[:5])
     there = chain.predict(at, theta)

@@ -1,4 +1,4 @@
-"""What to do about a cause, and what is left then: shown by doing it in the simulator."""
+"""Tests of recommended actions and predicted residuals, by carrying them out in the simulator."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def found_fixture():
 
 
 def test_what_is_left_after_one_repair_is_what_was_foretold(found):
-    """Two causes; each repaired alone, the machine is measured anew and calibrated."""
+    """Two causes; after each single repair the machine is measured again and calibrated."""
     assert {f.cause for f in found.findings} == set(CAUSES)
     for finding in found.findings:
         rest = [name for name in CAUSES if name != finding.cause]
@@ -59,7 +59,7 @@ def test_what_was_searched_is_told_with_its_errors(found):
 
 
 def test_a_step_is_told_with_its_moment():
-    """Half way through the session one joint's zero jumps: value, moment, and where."""
+    """Half way through the session one joint's zero jumps: value, time, place are reported."""
     machine = draw_machine(
         ROBOT,
         SEED,

@@ -1,6 +1,6 @@
-"""Residuals in joint coordinates, and paper 002's procedure beside the fit of all at once.
+"""Tests of residuals in joint coordinates; paper 002's procedure against a simultaneous fit.
 
-The machines are of `cables.py` and `six_rods.py`, which share no code with the package.
+The machines are those of `cables.py` and `six_rods.py`, which share no code with the package.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ from delta_calibration.papers import JointProblem, alternate, fit_together, join
 from identification_bench import ROBOT
 
 TURN, PLACE = np.array([0.2, -0.1, 1.0]), np.array([3.0, 0.5, -0.2])
-POSE, ENCODER = 50e-6, 1e-3  # noise: [m] and [rad] of the device, [rad] of a motor
+POSE, ENCODER = 50e-6, 1e-3  # noise: [m] and [rad] of the measuring device, [rad] of a motor
 
 
 @lru_cache
 def measured(cables=8, free_zeros=False, priors=False, noise=1.0, seed=0):
-    """A problem, and the truth of the machine that it was measured on."""
+    """A problem, and the true parameters of the machine on which it was measured."""
     rng = np.random.default_rng(seed)
     dimensions = {8: EIGHT_CABLES, 4: FOUR_CABLES}[cables]
     offsets = rng.normal(0, 5e-3, cables) if free_zeros else 0.0
@@ -79,7 +79,7 @@ def test_slopes_are_those_of_the_residual(cables):
 
 @pytest.mark.parametrize("priors", [False, True])
 def test_in_turn_and_at_once_give_the_same_answer_at_other_costs(priors):
-    """Eight cables, counters zero at home: nothing is left to a gauge; 62 of 62 unknowns show."""
+    """Eight cables, counters zero at home: no gauge freedom, all 62 unknowns are identifiable."""
     problem, truth = measured(priors=priors)
     both, turns = fit_together(problem), alternate(problem)
     assert apart(problem, both, turns) < 1e-4
@@ -95,7 +95,7 @@ def test_in_turn_and_at_once_give_the_same_answer_at_other_costs(priors):
 
 
 def test_chi_square_is_that_of_the_noise():
-    """First-order noise of the pose in the joints is all there is: 320 residuals, 62 unknowns."""
+    """To first order residuals are the pose noise in the joints: 320 residuals, 62 unknowns."""
     low, high = chi2.interval(1 - 1e-4, 8 * 40 - 62)
     assert low < fit_together(measured()[0]).cost < high
 
@@ -105,7 +105,7 @@ def test_chi_square_is_that_of_the_noise():
     [(8, True, 64, 70), (4, False, 19, 22), (4, True, 20, 26)],
 )
 def test_rank_and_gauge_with_the_frame(cables, free, rank, columns):
-    """Free zeros: the whole frame is gauge. A point with known home: a turn about the home is."""
+    """Free zeros: the whole frame is gauge. A point with known home: a turn about home is."""
     problem, _ = measured(cables, free)
     seen = fit_together(problem).observability
     assert (seen.rank, seen.columns) == (rank, columns)
@@ -114,7 +114,7 @@ def test_rank_and_gauge_with_the_frame(cables, free, rank, columns):
 
 
 def test_a_gauge_stays_where_it_was_in_turn_and_the_prediction_is_the_same():
-    """The frame never moves: the geometry takes up its error whole, and both rest at once."""
+    """The frame never moves: the geometry absorbs its whole error, and both stop at once."""
     problem, _ = measured(8, True)
     both, turns = fit_together(problem), alternate(problem)
     assert turns.rounds <= 3
@@ -126,13 +126,13 @@ def test_a_gauge_stays_where_it_was_in_turn_and_the_prediction_is_the_same():
 
 
 def test_in_turn_says_where_it_does_not_come_to_rest():
-    """Priors alone set the gauge, so slowly that no number of rounds is enough."""
+    """Only priors fix the gauge, so slowly that no number of rounds is sufficient."""
     with pytest.raises(DataError, match=r"still move by .* after 5 rounds; under 1e-06"):
         alternate(measured(8, True, True)[0], rounds=5)
 
 
 def test_a_far_frame_is_found_as_well():
-    """Believed half a metre and twenty degrees off, as measured by hand."""
+    """Start half a metre and twenty degrees off, as if measured by hand."""
     problem, _ = measured()
     near = fit_together(problem)
     far = near.frame @ Frame.from_vector(np.array([0.2, -0.2, 0.2, 0.3, -0.3, 0.3]))
@@ -140,7 +140,7 @@ def test_a_far_frame_is_found_as_well():
 
 
 def test_any_mechanism_with_an_explicit_inverse_problem():
-    """A Delta of three spheres: all of its 24 show, and the frame is in their span."""
+    """A three-sphere Delta: all of its 24 parameters are identifiable and include the frame."""
     rng = np.random.default_rng(3)
     delta = RotaryDelta(ROBOT.dimensions, ROBOT.tolerances)
     parameters, q = delta.parameters, rng.uniform(-0.2, 1.0, (50, 3))
@@ -148,7 +148,7 @@ def test_any_mechanism_with_an_explicit_inverse_problem():
     y = delta.forward(q, truth) @ Rotation.from_rotvec(TURN).as_matrix().T + PLACE
     problem = JointProblem(delta, q, y, np.tile(np.eye(3) / 1e-5, (50, 1, 1)))
     both, turns = fit_together(problem), alternate(problem, still=1e-3)
-    assert both.rms < 1e-6  # what the priors, at 1e-5 rad of noise, still hold back
+    assert both.rms < 1e-6  # remaining influence of the priors at 1e-5 rad of noise
     assert turns.rms < 1e-6
     assert (both.observability.rank, both.observability.columns) == (24, 30)
 

@@ -1,4 +1,4 @@
-"""The API reference is built of every module, without a warning."""
+"""The API reference is built from every module, without a warning."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ pytest.importorskip("pdoc", reason="needs pdoc (the extra [docs]), which is not 
 
 
 def modules_in(folder: Path, suffix: str) -> set[Path]:
-    """Modules by their paths, less those of the nodes, which need rclpy, and generated ones."""
+    """Modules by their paths, without nodes, which need rclpy, and without generated ones."""
     paths = (path.relative_to(folder).with_suffix("") for path in folder.rglob(f"*.{suffix}"))
     left_out = {"ros", "generated"}
     return {path for path in paths if path.name != "__init__" and not left_out & {*path.parts}}
 
 
 def built(code: str) -> subprocess.CompletedProcess[str]:
-    """Run lines that use `make_api` in a process of its own, in which nothing was imported yet."""
+    """Run lines that use `make_api` in a separate process, in which nothing is imported yet."""
     head = f"import sys; sys.path.insert(0, {str(ROOT / 'docs')!r})\n"
     head += "import make_api; from pathlib import Path\n"
     return subprocess.run(
@@ -39,7 +39,7 @@ def built(code: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.slow
 def test_the_reference_is_built_without_warnings(tmp_path: Path) -> None:
-    """All pages, and one as `make docs` has them: with its source."""
+    """All pages, and one page with its source, as in `make docs`."""
     every, one = tmp_path / "every", tmp_path / "one"
     done = built(
         f"make_api.main(Path({str(every)!r}), make_api.modules(), sources=False)\n"
@@ -55,7 +55,7 @@ def test_the_reference_is_built_without_warnings(tmp_path: Path) -> None:
 
 
 def test_a_warning_is_an_error(tmp_path: Path) -> None:
-    """An annotation that nobody can resolve stops the build."""
+    """An annotation that cannot be resolved stops the build."""
     broken = tmp_path / "broken.py"
     broken.write_text('"""Broken."""\n\n\ndef f(x: "Nothing") -> None:\n    """Take x."""\n')
     done = built(

@@ -39,7 +39,7 @@ def moving(joint, velocity, acceleration, payload):
 
 
 def joint_torque(arm, at):
-    """What the reducers of the arm as it is drawn bear, (n, m) [N m]."""
+    """Torques borne by the reducers of the nominal arm, (n, m) [N m]."""
     signals = ReducerCompliance(ROBOT, arm).nominal(at)
     return signals.of(GRAVITY) + signals.of(INERTIA)
 
@@ -63,7 +63,7 @@ def test_torques_of_a_plane_arm_are_the_textbook_ones():
 
 
 def test_weight_does_not_twist_upright_joints_but_others():
-    """An arm held out level bears m g times the lever, by its middle."""
+    """A horizontal arm bears m g times the lever of its centre."""
     q = np.array([[0.3, 0.7]])
     assert np.abs(joint_torque(SCARA_ARM, moving(q, 0 * q, 0 * q, 3.0))).max() < 1e-9
     base, upper, fore, *wrist = UR10.links
@@ -83,7 +83,7 @@ def test_reducer_gives_way_against_its_load_and_the_same_both_ways_round():
     a = np.array([[20.0, 0.0]])
     columns = effect.columns(moving(q, w, a, 2.0))
     assert columns.shape == (1, 2, 2)
-    assert columns[0, 0, 0] < 0  # the link stays behind
+    assert columns[0, 0, 0] < 0  # the link lags behind
     np.testing.assert_allclose(columns, effect.columns(moving(q, -w, a, 2.0)), atol=1e-3)
     assert effect.missing(at_rest(q)) == "the payload is not known"
 
@@ -113,7 +113,7 @@ def test_ten_kelvin_lengthen_a_metre_of_aluminium_by_a_quarter_millimetre():
 
 
 def test_a_length_at_fault_is_named_link_length():
-    """The causes that geometry brings: both links' lengths, zeros, axes."""
+    """Causes of geometric parameters: both links' lengths, zeros, axes."""
     cause = {p.name: p.cause for p in SCARA_ARM.parameters}
     assert cause["length_2"] == cause["tool_x"] == "link_length"
     assert cause["zero_2"] == "joint_zero_offset"
@@ -122,7 +122,7 @@ def test_a_length_at_fault_is_named_link_length():
 
 @pytest.mark.parametrize("twist", [0.0, np.pi])
 def test_an_arm_that_grows_is_one_drawn_larger(twist: float):
-    """Offsets along parallel axes too, whichever way these point."""
+    """Including offsets along parallel axes, whichever way these point."""
     base, upper, elbow, fore, *wrist = UR10.links
     elbow, fore = replace(elbow, offset=0.05), replace(fore, twist=twist)
     drawn = replace(UR10, links=(base, upper, elbow, fore, *wrist))

@@ -1,4 +1,4 @@
-"""What a peer on the network, or a file from elsewhere, was seen to do to a cell, and may not."""
+"""Attacks on a cell by a peer on the network or by a foreign file, as they were once possible."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_pipes_and_devices_are_refused(tmp_path: Path, reader: str, what: str) -
     if what == "pipe":
         os.mkfifo(path)
     else:
-        path.symlink_to("/dev/full")  # as endless as /dev/zero
+        path.symlink_to("/dev/full")  # endless, like /dev/zero
     with pytest.raises(InputError, match=rf"{path.name}.* regular file"):
         READERS[reader](path)
 
@@ -56,7 +56,7 @@ def peak() -> int:
 
 
 def bomb(size: int) -> bytes:
-    """Zeros that pack to a thirty-thousandth, made without holding them."""
+    """Zeros compressed to a thirty-thousandth, made without holding them in memory."""
     out, block = io.BytesIO(), bytes(1 << 20)
     with zstandard.ZstdCompressor().stream_writer(out, closefd=False) as writer:
         for _ in range(size >> 20):
@@ -81,14 +81,14 @@ def test_a_file_that_unpacks_to_gigabytes_is_refused(tmp_path: Path) -> None:
 def test_a_chunk_that_unpacks_to_gigabytes_is_not_unpacked(
     tmp_path: Path, declared: int, said: str
 ) -> None:
-    """Whatever size it says that it has; what is sound around it is read."""
+    """For any declared size; the intact data around it is still read."""
     path = foreign_mcap(tmp_path / "bag.mcap", both(20), chunk_size=1 << 20)
     records = bomb(4 * GIGABYTE)
     head = struct.pack("<QQQI", 0, 0, declared, 0)
     body = head + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(records)) + records
     chunk = b"\x06" + struct.pack("<Q", len(body)) + body
     data = path.read_bytes()
-    behind = 8 + 9 + struct.unpack_from("<Q", data, 9)[0]  # magic and header
+    behind = 8 + 9 + struct.unpack_from("<Q", data, 9)[0]  # after magic and header
     path.write_bytes(data[:behind] + chunk + data[behind:])
     before = peak()
     session = read_session(path)
@@ -109,7 +109,7 @@ def test_aliases_that_stand_for_millions_are_refused() -> None:
 def test_what_lies_where_a_file_is_written_first_is_not_written_to(
     tmp_path: Path, kind: str
 ) -> None:
-    """A link there was written through, and a pipe was waited for."""
+    """Earlier, a link there was written through, and a pipe was waited for."""
     other, wanted = tmp_path / "other", tmp_path / "c.yaml"
     other.write_text(SECRET)
     beside = tmp_path / ".c.yaml.part"
@@ -126,7 +126,7 @@ def test_what_lies_where_a_file_is_written_first_is_not_written_to(
 
 @pytest.fixture(name="cell")
 def cell_fixture(tmp_path: Path) -> Any:
-    """A node whose files lie in `data`, and a secret beside it."""
+    """A node whose files are in `data`, and a secret file beside it."""
     pytest.importorskip("rclpy")
     from rclpy.parameter import Parameter
 
@@ -147,7 +147,7 @@ def cell_fixture(tmp_path: Path) -> Any:
 
 
 def setting(node: Any, name: str, value: Any) -> Any:
-    """As `ros2 param set`."""
+    """Set a parameter like `ros2 param set`."""
     from rclpy.parameter import Parameter
 
     (result,) = node.set_parameters([Parameter(name, value=value)])
@@ -185,7 +185,7 @@ def test_a_peer_names_no_file_outside_data_dir(cell: Any, name: str, way: str) -
 @pytest.mark.ros
 @pytest.mark.parametrize("text", ["~nobody_of_that_name/c.yaml", "loop", "c" * 5000, "a\0b"])
 def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str) -> None:
-    """The first of them, set by a peer, ended the process that the drives listen to."""
+    """Earlier, the first of these texts, set by a peer, ended the drives' process."""
     _bench, start, folder = cell
     node = start()
     (folder / "data" / "loop").symlink_to("loop")
@@ -201,7 +201,7 @@ def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str
 def test_a_parameter_of_a_type_that_there_is_not_ends_no_node(
     cell: Any, services: bool, together: bool
 ) -> None:
-    """It raised out of the spin: any peer could end the process that the drives listen to."""
+    """Earlier, any peer could raise an exception in the spin and end the drives' process."""
     from rcl_interfaces.msg import Parameter, ParameterValue
     from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 

@@ -1,4 +1,4 @@
-"""The small sessions of bags/: as their table says, and made again value for value."""
+"""Tests of the small sessions in bags/: they agree with their table and can be made again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TOGETHER_BYTES = 3_000_000
 
 
 def numbers(part: object, name: str = "") -> dict[str, np.ndarray]:
-    """Every array in a session, by where it stands."""
+    """Every array in a session, by its path."""
     if isinstance(part, np.ndarray):
         return {name: part}
     if is_dataclass(part):

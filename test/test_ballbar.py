@@ -1,4 +1,4 @@
-"""A ballbar's length as a measurement: its slopes, its table, the circle test on it."""
+"""Tests of a ballbar's length as a measurement: derivatives, table, circle test."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 
 ROBOT = load_robot("scara")
 SEED = 11
-NOISE = 8e-6  # [m] what the simulated tracker makes of a length
+NOISE = 8e-6  # [m] noise of a length from the simulated tracker
 PLAY = {"backlash": {"location": "joint_2", "value": "0.0006"}}
-MISSED = np.array([2e-4, -1e-4, 5e-5])  # [m] of the pivot where it was meant to be
+MISSED = np.array([2e-4, -1e-4, 5e-5])  # [m] position error of the pivot
 
 
 def driven(causes: dict, scatter: float = 1.0, seed: int = SEED) -> tuple[Session, np.ndarray]:
@@ -53,7 +53,7 @@ def driven_by(machine: TrueMachine, seed: int) -> tuple[Session, np.ndarray]:
 
 
 def lines_of(session: Session, radius: np.ndarray, by_points: bool = False) -> list[str]:
-    """The table, its head first."""
+    """Lines of the table, header first."""
     assert session.command is not None
     time = (session.command.stamp_ns - session.command.stamp_ns[0]) * 1e-9
     what = session.command.position
@@ -88,7 +88,7 @@ def table(lines: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_slopes_are_those_of_the_length() -> None:
-    """Against differences; the turn of the table's frame does not show."""
+    """Compared with finite differences; the rotation of the table's frame has no influence."""
     robot = load_robot("srbd")
     joint = np.array([[0.1, 0.3, -0.2], [0.4, -0.1, 0.2]])
     offset, frame = np.array([0.01, -0.02, 0.03]), Frame(np.eye(3), np.array([0.1, 0.05, 0.6]))
@@ -154,7 +154,7 @@ def test_the_command_takes_the_table(
     assert "backlash" in [f["cause"] for f in told["findings"]]
     assert len(told["circles"]) == 12
     assert "ballbar.csv" in page.read_text()
-    assert "(scara.yaml)" in page.read_text()  # not the folder that it is in
+    assert "(scara.yaml)" in page.read_text()  # without the folder
     assert run(["circle", str(table), "--robot", "scara", "--model", "serial_arm"]) == 2
     assert run(["circle", str(tmp_path), "--robot", "scara", "--noise-um", "1"]) == 2
 
@@ -181,7 +181,7 @@ def test_what_is_wrong_in_a_table_is_named(lines: list[str], tmp_path: Path) -> 
 
 
 def test_where_joints_came_to_rest_is_no_error_of_the_machine(tmp_path: Path) -> None:
-    """An error that a motion keeps is many times what a good ballbar's length scatters by."""
+    """A motion keeps its rest error, which is many times a good ballbar's scatter."""
     tracker = replace(ROBOT.tracker, radial=3e-7, transverse=3e-7, transverse_per_metre=0.0)
     machine = draw_machine(replace(ROBOT, tracker=tracker), SEED)
     path = written(tmp_path / "quiet.csv", lines_of(*driven_by(machine, SEED)))

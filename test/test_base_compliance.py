@@ -1,4 +1,4 @@
-"""A base on soft feet: what of it shows, how it is found, what is said where it cannot be."""
+"""Tests of a base on soft feet: what is visible, how it is found, what is reported otherwise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ CAUSE = "base_compliance"
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["srbd", "scara"])
 def test_it_is_named_with_its_figures(name: str) -> None:
-    """A machine on feet twice as soft as usual, 1.3 m under its base and 0.4 m off its middle."""
+    """A machine on feet twice as soft as usual, 1.3 m below its base, 0.4 m from its centre."""
     robot = load_robot(name)
     hidden = {"strength": "2", "depth": "1.3", "radius": "0.4"}
     machine = draw_machine(robot, 3, 1.0, {CAUSE: hidden})
@@ -37,7 +37,7 @@ def test_it_is_named_with_its_figures(name: str) -> None:
 
 
 def test_feet_are_tried_no_deeper_than_a_file_may_say(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Also under a platform that hangs far down."""
+    """Also for a platform that hangs far below the base."""
     robot = load_robot("srbd")
     effect = effect_named(CAUSE, robot, robot.model(), {})
     monkeypatch.setattr(type(effect), "_reach", 4.4)
@@ -48,7 +48,7 @@ def test_feet_are_tried_no_deeper_than_a_file_may_say(monkeypatch: pytest.Monkey
 
 
 def test_feet_below_lead_a_load_outwards_and_what_gives_above_it_inwards() -> None:
-    """Rods, drives and mounts in the plane of the drives, of like size, do nearly the same."""
+    """Rods, drives, and mounts in the plane of the drives have nearly the same influence."""
     robot = load_robot("srbd")
     model = robot.model()
     x = np.zeros((4, 3))
@@ -57,7 +57,7 @@ def test_feet_below_lead_a_load_outwards_and_what_gives_above_it_inwards() -> No
     at = replace(at, payload_centre=np.zeros((4, 3)))
 
     def outwards(cause: str, **shape: float) -> float:
-        """By a typical effect: mean shift away from the middle [m]."""
+        """Mean shift away from the centre by a typical effect [m]."""
         effect = effect_named(cause, robot, model, shape)
         chain = Chain(model, np.zeros(3), 0.05, (effect,))
         theta = chain.parameters.nominal
@@ -77,7 +77,7 @@ def test_feet_below_lead_a_load_outwards_and_what_gives_above_it_inwards() -> No
 
 
 def test_what_never_changes_is_the_frame_s() -> None:
-    """One place and one payload: its signal is that of a base that stands elsewhere."""
+    """With one place and one payload its signal is that of a displaced base."""
     robot = load_robot("srbd")
     effect = effect_named(CAUSE, robot, robot.model(), {})
     n = 6

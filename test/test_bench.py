@@ -1,4 +1,4 @@
-"""The bench: who may ask, what may be dropped, which verb comes when, and what is kept on disk."""
+"""Tests of the bench: access, uploads, order of the verbs, files on disk."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 
 @pytest.fixture
 def stranger(bench: Bench) -> Iterator[TestClient]:
-    """A browser that has not been opened with the token."""
+    """A browser that was not opened with the token."""
     app = application(bench, frozenset([HOST]))
     with TestClient(app, base_url=HOME, follow_redirects=False) as client:
         yield client
@@ -66,7 +66,7 @@ def stranger(bench: Bench) -> Iterator[TestClient]:
 
 @pytest.fixture
 def browser(bench: Bench, stranger: TestClient) -> TestClient:
-    """A browser that has."""
+    """A browser that was opened with the token."""
     assert stranger.get(f"/?token={bench.secrets.token}").status_code == 303
     stranger.headers["origin"] = HOME
     return stranger
@@ -77,7 +77,7 @@ def case(**given: object) -> Case:
     return replace(plain, session="bag/night", **given)
 
 
-# --- who may ask
+# --- access
 
 
 @pytest.mark.parametrize("host", ["elsewhere.example", f"elsewhere.example:{8765}", "127.0.0.1:1"])
@@ -176,7 +176,7 @@ def test_reading_changes_nothing(browser: TestClient) -> None:
         assert browser.get(path).status_code == 405
 
 
-# --- what may be dropped
+# --- uploads
 
 
 def packed(*files: tuple[str, bytes], compress: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -197,7 +197,7 @@ def with_link() -> bytes:
 
 
 def locked() -> bytes:
-    """A zip whose entry says that it is encrypted."""
+    """A zip whose entry is marked as encrypted."""
     plain = bytearray(packed(("s/data.mcap", b"x" * 10), compress=zipfile.ZIP_STORED))
     for mark, offset in ((b"PK\x03\x04", 6), (b"PK\x01\x02", 8)):
         plain[plain.index(mark) + offset] |= 1
@@ -205,7 +205,7 @@ def locked() -> bytes:
 
 
 def lying() -> bytes:
-    """A zip whose list says that little comes out of it."""
+    """A zip whose list states a much smaller content."""
     plain = bytearray(packed(("s/data.mcap", bytes(2 * MOST))))
     for mark, offset in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
         at = plain.index(mark) + offset
@@ -376,12 +376,12 @@ def test_names_are_shown_and_not_obeyed(bench: Bench, browser: TestClient) -> No
         assert "&lt;img" in page
 
 
-# --- which verb comes when
+# --- order of the verbs
 
 
 @pytest.mark.parametrize("step", flow.STEPS)
 def test_every_step_is_a_verb_that_takes_these_options(step: str) -> None:
-    """Values that begin with a hyphen stay values."""
+    """Values that begin with a hyphen remain values."""
     form = "" if step == "columns" else "kuka"
     options = {"table": "t.csv", "targets": "targets.csv", "preset": form}
     given = case(machine="--store=x", options=options, topics=("states=/a",), forced=True)
@@ -397,7 +397,7 @@ def test_every_step_is_a_verb_that_takes_these_options(step: str) -> None:
 
 
 def walk(start: Case, folder: Path, codes: dict[str, int]) -> tuple[list[str], Case]:
-    """The steps that are done with these exit codes, up to a question or the end."""
+    """Steps that are executed with these exit codes, up to a question or the end."""
     done, now = [], start
     while now.state == WORKING:
         now = begun(now)
@@ -427,7 +427,7 @@ def test_few_places_are_fitted_with_the_history_of_their_machine(tmp_path: Path)
     assert (done[-1], last.state) == ("update", FAILED)
     assert last.said == "why; with the history of m: why"
     done, last = walk(replace(start, forced=True), tmp_path, {"fit": 1})
-    assert done == ["check", "fit", "update"]  # over a mistake: not kept
+    assert done == ["check", "fit", "update"]  # with a mistake: not kept
     done, last = walk(case(waiting=first_steps(BAG, "")), tmp_path, {"fit": 1})
     assert (done, last.state) == (["check", "fit"], FAILED)
 
@@ -449,7 +449,7 @@ def test_a_mistake_is_asked_about_and_mended(tmp_path: Path) -> None:
     (tmp_path / "mended-1" / "night").mkdir(parents=True)
     (tmp_path / "mended-1" / "night_robot.yaml").write_text("")
     mended = ended(begun(answered(asking, "mend")), Said(1, "", ""), tmp_path)
-    assert flow.again(mended) == mended  # a server that ends here does not mend it twice
+    assert flow.again(mended) == mended  # a restarted server does not repair it twice
     done, last = walk(answered(asking, "mend"), tmp_path, {"mend": 1})
     assert done == ["mend", "check", "fit", "diagnose"]
     assert (last.session, last.robot) == ("mended-1/night", "mended-1/night_robot.yaml")
@@ -546,7 +546,7 @@ def until(condition: Callable[[], object]) -> None:
 
 
 def scripted(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
-    """Run a script in the place of every verb; the verb is its argument."""
+    """Run a script in place of every verb; the verb is its argument."""
     monkeypatch.setattr(runner, "command", lambda verb: [sys.executable, "-c", script, *verb])
 
 
@@ -616,7 +616,7 @@ def test_what_an_export_wrote_before_is_gone_where_it_fails(
 
 
 def test_one_worker_a_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Handed over again and again while it is worked on, with workers to spare."""
+    """Requested again and again while it is being processed, with idle workers."""
     scripted(monkeypatch, "import time; time.sleep(0.1)")
     cases = Cases(tmp_path)
     id_ = cases.new_id()

@@ -1,4 +1,4 @@
-"""The bench in a real browser, by the keyboard: from a dropped session to the certificate."""
+"""Tests of the bench in a real browser, by keyboard: from upload to certificate."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ pytestmark = [
 
 @dataclass
 class Server:
-    """A bench in a process of its own."""
+    """A bench in a separate process."""
 
     link: str
     log: Path
@@ -92,7 +92,7 @@ def served(folder: Path) -> Iterator[Server]:
 
 @dataclass
 class Seen:
-    """What was met on the way: violations of accessibility and widths, by the name of the page."""
+    """Findings: accessibility violations and page widths, by the name of the page."""
 
     violations: dict[str, list[str]] = field(default_factory=dict)
     widths: dict[str, int] = field(default_factory=dict)
@@ -102,11 +102,11 @@ class Seen:
 
 @dataclass
 class Story:
-    """A session that was dropped in degrees, mended, diagnosed and certified."""
+    """A session uploaded in degrees, repaired, diagnosed and certified."""
 
     server: Server
     seen: Seen
-    path: str  # of its page
+    path: str  # path of its page
     question: str
     elsewhere: str  # the same in a second browser
     verdict: str
@@ -129,7 +129,7 @@ def chrome() -> Iterator[sync_api.Browser]:
 
 
 def opened(chrome: sync_api.Browser, server: Server, seen: Seen) -> sync_api.Page:
-    """A page of a browser that is opened by the link for the first time."""
+    """A page of a browser that opens the link for the first time."""
     page = chrome.new_context(viewport={"width": WIDE, "height": 900}).new_page()
     page.set_default_timeout(PATIENCE_MS)
     page.on("pageerror", lambda error: seen.errors.append(str(error)))
@@ -140,7 +140,7 @@ def opened(chrome: sync_api.Browser, server: Server, seen: Seen) -> sync_api.Pag
 
 
 def look(page: sync_api.Page, seen: Seen, name: str) -> None:
-    """Note what is wrong with a page, wide and narrow."""
+    """Record what is wrong with a page, wide and narrow."""
     for width in (NARROW, WIDE):
         page.set_viewport_size({"width": width, "height": 900})
         found = axe_api.Axe().run(page).response["violations"]
@@ -151,7 +151,7 @@ def look(page: sync_api.Page, seen: Seen, name: str) -> None:
 
 
 def tab_to(page: sync_api.Page, selector: str) -> None:
-    """Press Tab until an element has the focus, which is then seen."""
+    """Press Tab until an element has the focus; check that the focus is visible."""
     for _ in range(TABS):
         page.keyboard.press("Tab")
         if page.evaluate(f"document.activeElement.matches({json.dumps(selector)})"):
@@ -162,7 +162,7 @@ def tab_to(page: sync_api.Page, selector: str) -> None:
 
 
 def dropped(page: sync_api.Page, path: Path, machine: str) -> None:
-    """Choose a file, fill in the form and send it, by the keyboard."""
+    """Choose a file, fill in the form and send it, by keyboard."""
     page.once("filechooser", lambda chooser: chooser.set_files(path))
     tab_to(page, "#files")
     page.keyboard.press("Space")
@@ -303,7 +303,7 @@ def test_the_token_is_in_no_log(story: Story) -> None:
 def test_a_report_is_shown_apart_from_the_bench(
     chrome: sync_api.Browser, server: Server, story: Story
 ) -> None:
-    """Its scripts run and draw; they are of no origin, and reach nothing."""
+    """Its scripts run and draw; they have no origin, and reach nothing."""
     seen = Seen()
     page = opened(chrome, server, seen)
     page.goto(f"{server.home}{story.path}/files/report.html?show=1")
@@ -334,7 +334,7 @@ def test_a_table_is_shown_as_it_would_be_read_and_can_be_left(
 
 
 def drag(page: sync_api.Page, name: str, content: bytes) -> None:
-    """Drag a file over the form and let it go there."""
+    """Drag a file over the form and drop it there."""
     page.evaluate(
         """([name, bytes]) => {
             const held = new DataTransfer();

@@ -1,4 +1,4 @@
-"""Benchmarks time what they say they time."""
+"""Checks of what the benchmarks measure."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import compensation
 
 
 def test_libraries_are_given_the_same_machine_as_the_swarm() -> None:
-    """Places by the compiled chain are those of the mechanism's own direct problem."""
+    """Positions by the compiled chain equal those of the mechanism's own forward kinematics."""
     task = compensation.make_task(20, 3)
     found = compensation.fast_point(task.machine)(task.q)
     np.testing.assert_allclose(found, compensation.point(task)(task.q), atol=1e-12)

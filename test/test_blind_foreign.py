@@ -1,4 +1,4 @@
-"""What the catalogue does not have, hidden by a foreign generator: seen, and given no name."""
+"""Structure in no catalogue, hidden by an independent generator: detected, and not named."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ pytestmark = pytest.mark.slow
 
 FOREIGN = (
     (1040, "cross_talk", SIGNAL),
-    (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less likely than a map
-    (949847, "rub", 828.66),  # a harmonic and, beside it, a map: less likely than one map
-    (71334, "rub", 316.79),  # a harmonic, which nothing is left beside: less likely than a map
-    (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it then refutes
-    (673933, "rub", 119.80),  # a harmonic, not plainly likelier than a map
-    (212450, "drag", 87.0),  # an eccentric encoder, likelier than a map, that does not hold
-    (250400, "drag", 3156.48),  # an eccentric encoder, once maps are refused
-    (425358, "rub", 240.39),  # a harmonic, far less likely than a law that does not hold either
+    (920255, "rub", 670.49),  # a harmonic and an eccentric encoder: less probable than a map
+    (949847, "rub", 828.66),  # a harmonic and a map: less probable than one map
+    (71334, "rub", 316.79),  # a harmonic, with nothing left beside it: less probable than a map
+    (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it refutes
+    (673933, "rub", 119.80),  # a harmonic, not clearly more probable than a map
+    (212450, "drag", 87.0),  # an eccentric encoder, more probable than a map, not confirmed
+    (250400, "drag", 3156.48),  # an eccentric encoder, after maps are rejected
+    (425358, "rub", 240.39),  # a harmonic, far less probable than a law, which also fails
 )
 
 
@@ -29,14 +29,14 @@ def test_a_foreign_structure_is_seen_and_not_named(seed: int, kind: str, strengt
 
 
 def test_a_foreign_structure_much_like_causes_is_not_named_for_sure():
-    """A hose on one side, much like one arm's encoder off its axis and scales together."""
+    """A hose on one side resembles an eccentric encoder of one arm combined with joint scales."""
     said = trial(43243, ("unknown:drag", 1766.0))
     assert said["unknown"] or said["findings"]
     assert all(finding["confidence"] < 0.5 for finding in said["findings"])
 
 
 def test_structure_that_nothing_follows_does_not_bend_the_geometry():
-    """With the paths' readings let in, predictions of this machine at rest were a fifth worse."""
+    """Earlier, with the readings in motion included, predictions at rest were a fifth worse."""
     said = trial(151832, ("unknown:rocking", 264.0))
     assert said["unknown"]
     assert said["error_um"]["extended"] <= said["error_um"]["calibrated"]
@@ -49,7 +49,7 @@ def test_a_cause_taken_out_of_the_catalogue_is_not_given_another_name():
 
 
 def test_a_cause_that_follows_a_law_is_not_named_where_no_law_can_be_told():
-    """Weak give of the drives, unknown to the diagnosis, is much like give of the rods."""
+    """Weak drive compliance, removed from the catalogue, resembles compliance of the rods."""
     said = trial(573905, ("joint_compliance", 107.1), without="joint_compliance")
     assert said["unknown"]
     assert said["moves_with"] == "payload"
@@ -57,7 +57,7 @@ def test_a_cause_that_follows_a_law_is_not_named_where_no_law_can_be_told():
 
 
 def test_a_cause_is_not_named_that_explains_little_beside_a_map():
-    """Give of the drives under payload, unknown to the diagnosis, bends by angle a little, too."""
+    """Drive compliance under payload, removed from the catalogue, depends on angles, too."""
     said = trial(509932, ("joint_compliance", 1263.16), without="joint_compliance")
     assert said["unknown"]
     assert said["moves_with"] == "payload"
@@ -65,10 +65,10 @@ def test_a_cause_is_not_named_that_explains_little_beside_a_map():
 
 
 def test_a_name_beside_which_a_map_explains_some_is_in_doubt():
-    """Rods that give, unknown to the diagnosis, are nearly what joints that give are.
+    """Compliant rods, removed from the catalogue, closely resemble compliant joints.
 
-    Both under weight and inertia: of a lambda of 242 the drives explain 0.76. No map follows the
-    rest beyond chance, but one does with ln B 3.
+    Both depend on weight and inertia: of a lambda of 242 the drives explain 0.76. No map explains
+    the rest beyond chance, but one has ln B 3.
     """
     said = trial(854825, ("forearm_compliance", 205.31), without="forearm_compliance")
     assert [f["cause"] for f in said["findings"]] == ["joint_compliance"]

@@ -1,4 +1,4 @@
-"""The generator that hides causes: its own physics, published sizes, nothing of the detector."""
+"""Tests of the blind generator: its own physics, published sizes, no code of the detector."""
 
 from __future__ import annotations
 
@@ -55,9 +55,9 @@ CONTRACT = {
     "ball_joint_clearance",
 }
 
-# (raw, after the best frame) [um] of effects of these sizes on a workspace of 560 mm, from a table
-# of real machines' errors. Ours is 800 mm across, loads and temperatures change in it, and all
-# three drives are wrong at once: hence four times either way.
+# (raw, after the best frame) [um]: effects of these sizes on a workspace of 560 mm, from a table
+# of real machines' errors. Our workspace is 800 mm across, loads and temperatures vary in it, and
+# all three drives have errors at once, hence a factor of four in either direction.
 PUBLISHED = {
     "joint_zero_offset": (434, 38),  # 1 mrad
     "arm_length": (48, 42),  # 0.2 mm
@@ -127,7 +127,7 @@ def test_places_keep_within_the_limits_of_the_joints() -> None:
 
 
 def test_rods_carry_platform_payload_and_half_their_own_weight() -> None:
-    """Balance of forces at the platform, of tensions that come from energies."""
+    """Force balance of the platform with tensions that were computed from energies."""
     q, build = (
         DELTA.places(np.random.default_rng(3), 20),
         manufactured(np.random.default_rng(4), 1.0),
@@ -151,7 +151,7 @@ def test_gravity_works_as_much_as_the_energy_changes() -> None:
         DELTA, before, build, payload, CENTRE
     )
     assert_allclose(work, np.sum(moment * step, axis=1), rtol=1e-4)
-    assert (moment < 0).all()  # the arms go down by themselves
+    assert (moment < 0).all()  # the arms move down by themselves
 
 
 def test_inertia_at_rest_is_a_mass_matrix() -> None:
@@ -163,7 +163,7 @@ def test_inertia_at_rest_is_a_mass_matrix() -> None:
 
     mass = np.stack([push(axis[None])[0] for axis in np.eye(3)])
     assert_allclose(mass, mass.T, atol=1e-6)
-    assert np.linalg.eigvalsh(mass).min() > 0.05  # [kg m^2]: arms alone have 0.033
+    assert np.linalg.eigvalsh(mass).min() > 0.05  # [kg m^2]: the arms alone have 0.033
 
 
 @pytest.mark.parametrize("plan", PLANS)
@@ -178,7 +178,7 @@ def test_still_moments_of_a_session_are_the_stops_of_its_plan(plan: str) -> None
     assert found.all()
     assert len(stops) == (60 if plan == "poor" else 190)
     motions = sum(item.seen.any() and not item.side for item in items)
-    assert len(poses.time) <= len(stops) + 3 * motions  # a reversal is a still moment too
+    assert len(poses.time) <= len(stops) + 3 * motions  # a reversal is also a moment at rest
 
 
 def test_plans_leave_out_what_they_say() -> None:
@@ -269,7 +269,7 @@ def test_forearms_grow_as_aluminium_does() -> None:
 
 
 def test_inertia_deflects_with_acceleration_as_published() -> None:
-    """45 um at 11 m/s^2; ours has drives of 2.5e4 N m/rad and arms and rods to move as well."""
+    """Published: 45 um at 11 m/s^2. Our drives have 2.5e4 N m/rad and also move arms and rods."""
     trial = hide({"dynamic_deflection": 1.0}, 17)
     world, measured = trial.measured.world, trial.measured
     moved = np.linalg.norm(measured.reading - measured.plain, axis=1)
@@ -334,7 +334,7 @@ def test_unknown_structure_survives_calibration() -> None:
 
 
 def test_geometry_cause_is_told_with_its_chain_and_explained_by_geometry() -> None:
-    """On a machine within tolerances a calibration explains it; on a precise one it stands out."""
+    """A calibration explains it on a machine within tolerances; on a precise one it is visible."""
     trial, precise = (hide({"arm_length@3": 1.0}, 22, scatter=s) for s in (1.0, 0.05))
     for cause in (*trial.causes, *precise.causes):
         assert (cause.name, cause.location) == ("arm_length", "joint_3")
@@ -383,7 +383,7 @@ def test_clean_session_is_fitted_to_its_noise() -> None:
 
 @pytest.mark.parametrize(("level", "rise"), [(3.0, 0.0), (3.0, 2.0), (1.0, 3.0)])
 def test_a_cable_hangs_as_a_catenary(level: float, rise: float) -> None:
-    """y = a cosh(x / a) through both ends, a the level pull over the weight; steep as well."""
+    """y = a cosh(x / a) through both ends, a = horizontal force / weight; steep as well."""
     weight, pull = 1.3, 40.0
     chord = np.hypot(level, rise)
     a = pull * level / chord / weight

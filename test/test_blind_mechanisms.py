@@ -1,4 +1,4 @@
-"""The generator's other machines: each stands as the package's mechanism does, by other means."""
+"""Tests of the generator's other machines: positions like the package's, by other methods."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ CARRYING = {"flange_compliance"}
 
 @pytest.mark.parametrize("robot", OTHERS)
 def test_it_stands_where_the_mechanism_of_the_package_stands(robot: str):
-    """By other means: screws against Denavit and Hartenberg, loops against closed forms."""
+    """Screws against Denavit-Hartenberg, iterated loops against closed forms."""
     kind, model = KINDS[robot], load_robot(robot).model()
     q = kind.command(kind.places(np.random.default_rng(1), 40))
     stand = kind.assemble(q, kind.drawing())
@@ -35,7 +35,7 @@ def test_it_stands_where_the_mechanism_of_the_package_stands(robot: str):
 
 @pytest.mark.parametrize("robot", OTHERS)
 def test_what_its_scatter_does_the_mechanism_can_fit(robot: str):
-    """A manufactured machine is one of the package's, for some of its dimensions and a frame."""
+    """A manufactured machine equals one of the package's, with suitable dimensions and a frame."""
     kind, model = KINDS[robot], load_robot(robot).model()
     rng = np.random.default_rng(2)
     q = kind.command(kind.places(rng, 60))
@@ -73,7 +73,7 @@ def test_a_cause_moves_what_it_should_and_a_calibration_leaves_it(robot: str, ca
 
 @pytest.mark.parametrize("robot", OTHERS)
 def test_lambda_is_what_a_calibration_leaves_squared(robot: str):
-    """Less than all that was moved, and in proportion to the square of the cause."""
+    """Smaller than the whole displacement, and proportional to the square of the cause."""
     model = load_robot(robot)
     cause, strength = "joint_zero_drift", 0.3
     plain, moved = (
@@ -85,7 +85,7 @@ def test_lambda_is_what_a_calibration_leaves_squared(robot: str):
     raw = np.sum(far**2) / len(far)
     left = moved.left
     assert left.strength > 5
-    assert 1e-6 * left.still < np.sqrt(raw)  # what is left is less than what was moved
+    assert 1e-6 * left.still < np.sqrt(raw)  # less remains than was moved
     strong = hide({cause: 2 * strength}, 12, "poor", robot=robot).left
     assert strong.strength == pytest.approx(4 * left.strength, rel=0.02)
 
@@ -101,7 +101,7 @@ def test_a_dimension_that_is_fitted_leaves_nothing(robot: str):
 
 @pytest.mark.parametrize("robot", ["scara", "ur10", "five_axis", "linear_delta"])
 def test_weight_is_on_the_joints_that_bear_it(robot: str):
-    """Axes that stand upright bear none, but for their tilt."""
+    """Vertical axes bear no weight except by their tilt."""
     trial = hide({}, 14, "poor", robot=robot)
     world, kind = trial.measured.world, KINDS[robot]
     loads = world.moments(kind.nothing())[world.still][::400]
@@ -110,7 +110,7 @@ def test_weight_is_on_the_joints_that_bear_it(robot: str):
 
 
 def test_cables_bear_platform_and_payload():
-    """Newton and Euler, of tensions that come from virtual work."""
+    """Newton-Euler balance of tensions that were computed from virtual work."""
     x = CDPR8.places(np.random.default_rng(5), 10)
     build, payload = CDPR8.drawing(), np.full(10, 5.0)
     pull = CDPR8.tensions(x, build, payload, CDPR8.centre)
@@ -133,11 +133,11 @@ def test_a_machine_is_the_same_for_the_same_seed():
         ("scara", "reducer_compliance", 500.0, 3),
         ("linear_delta", "thermal_growth_arm", 600.0, 3),
         ("five_axis", "joint_lag", 600.0, 3),
-        # all its sweeps lie in one sector of the poses; a map by speed does nearly as much
+        # All its sweeps lie in one sector of the poses; a map by speed is nearly as good.
         ("scara", "joint_lag", 2920.159295033752, 365949),
-        # of all that a map by time does it does all but a hundredth
+        # It explains all but a hundredth of what a map by time explains.
         ("linear_delta", "tracker_drift", 159.0312975037061, 498235),
-        # an offset along parallel axes grows too, else joint 5 would seem to drift
+        # An offset along parallel axes must grow too; otherwise joint 5 seems to drift.
         ("ur10", "thermal_growth_link", 3041.2583609725593, 712879),
     ],
 )

@@ -1,4 +1,4 @@
-"""Two causes hidden at once by a foreign generator: both are named."""
+"""Two causes hidden at once by an independent generator: both are named."""
 
 from __future__ import annotations
 
@@ -17,24 +17,26 @@ from trial_bench import ROBOT, trial
 pytestmark = pytest.mark.slow
 
 PAIRS = (
-    # two maps, over time and temperature, could draw them
+    # Two maps, over time and temperature, could imitate them.
     (408147, (("tracker_drift", 3057.0), ("thermal_growth_arm", 2074.0))),
-    # without the first, the second is taken for another, as the reflector is on the wrong floor
+    # Without the first the reflector is in the wrong minimum, and the second is taken for another
+    # cause.
     (838869, (("encoder_eccentricity", 1733.0), ("forearm_compliance", 161.0))),
-    # the search goes in a circle: about both the second is too small, about the first it is not
+    # The search cycles: about both the second is too small, about the first alone it is not.
     (884370, (("stick_slip", 356.53), ("ball_joint_clearance", 161.91))),
-    # without the first the reflector is 80 mm off, and about there it explains a fifth
+    # Without the first the reflector is 80 mm off, and about that position it explains a fifth.
     (788056, (("forearm_compliance", 3093.52), ("joint_scale", 641.97))),
-    # about the fit with an eccentric encoder a joint's scale does less, fitted itself it does more
+    # About the fit with an eccentric encoder a joint scale explains less; fitted itself it
+    # explains more.
     (970841, (("ball_joint_clearance", 797.22), ("joint_scale", 734.61))),
-    # the six values of a drift of the tracker do nearly what both do together
+    # The six parameters of a tracker drift explain nearly what both explain together.
     (212950, (("thermal_growth_forearm", 3975.05), ("thermal_growth_base", 507.38))),
-    # three joints trail by 46, 34 and 42 us: nearly a late clock
+    # Three joints lag by 46, 34 and 42 us: nearly a late clock.
     (283907, (("backlash", 1092.88), ("joint_lag", 532.36))),
-    # friction that does not let go of all at speed, a clearance that is crossed by and by
+    # Friction that is not fully released at speed, and a clearance that is crossed gradually.
     (864184, (("joint_compliance", 643.94), ("stick_slip", 1685.18))),
     (400447, (("ball_joint_clearance", 3587.76), ("thermal_growth_forearm", 1681.97))),
-    # alone the first comes by another course of time than beside the second
+    # Fitted alone, the first has another time course than beside the second.
     (609115, (("joint_zero_drift", 421.95), ("thermal_growth_base", 771.57))),
 )
 
@@ -47,9 +49,9 @@ def test_two_causes_are_named(seed: int, hidden: tuple[tuple[str, float], ...]):
 
 
 def test_lags_of_all_joints_beside_a_late_clock_are_told_as_its_equivalent():
-    """What they have in common is a late clock: only their differences show, here of one joint.
+    """Their common part is a late clock; only their differences are visible, here of one joint.
 
-    The clock's latency was stated 18 standard deviations off, with nothing said.
+    Earlier, the clock's latency was stated 18 standard deviations off, without a remark.
     """
     said = trial(856780, ("timestamp_latency", 236.42), ("joint_lag", 594.33))
     clock = next(f for f in said["findings"] if f["cause"] == "timestamp_latency")
@@ -58,7 +60,7 @@ def test_lags_of_all_joints_beside_a_late_clock_are_told_as_its_equivalent():
 
 
 def test_causes_take_the_places_of_two_maps_that_drew_them():
-    """Beside a map over time a drift has no shape of its own to be found by."""
+    """Beside a map over time a drift cannot be found by its own shape."""
     trial, _ = scaled(Task("pair", *PAIRS[0]))
     model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     effects = catalogue(ROBOT, model.problem.chain.mechanism)
@@ -73,8 +75,8 @@ def test_causes_take_the_places_of_two_maps_that_drew_them():
 
 
 def test_what_may_be_a_part_of_a_cause_found_is_said():
-    """Drives that trail by a time each, and a clock that is late: the first alone does it all."""
+    """Drives with individual lags, and a late clock: the first alone explains everything."""
     said = trial(698302, ("joint_lag", 306.66), ("timestamp_latency", 853.16))
     assert [f["cause"] for f in said["findings"]] == ["joint_lag"]
     assert {"joint_lag", "timestamp_latency"} in [set(some) for some in said["cannot_tell"]]
-    assert not said["intervals"]  # the values hold both, and the verdict says so
+    assert not said["intervals"]  # the values contain both, and the verdict says so

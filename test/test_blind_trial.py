@@ -1,6 +1,6 @@
-"""A small blind trial: what a foreign generator hid must be named, and nothing where nothing is.
+"""A small blind trial: hidden causes must be named, and nothing where nothing is hidden.
 
-`make study` is the same in the large; this one is for every day.
+`make study` is the large version; this one is run every day.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 SESSIONS = Path(__file__).resolve().parents[2] / "shared" / "sessions"
 CONFIDENT = 0.8
-STRONG = 4000.0  # lambda, of which a sixteenth is seen as well
+STRONG = 4000.0  # lambda; an order of a gear of a quarter of the size has a sixteenth of it
 OBVIOUS = 776_000.0
 CAUSES = (
     "backlash",
@@ -77,9 +77,9 @@ def test_what_no_catalogue_has_is_recognised_and_not_named():
 
 @pytest.mark.parametrize(("seed", "strength"), [(9401, STRONG), (9402, STRONG), (9407, OBVIOUS)])
 def test_both_orders_of_a_gear_are_one_cause(seed: int, strength: float):
-    """The foreign gear errs once and twice a turn of its motor, the weaker by a quarter.
+    """The generator's gear has errors once and twice per motor turn, the weaker a quarter in size.
 
-    Where it is obvious, maps and other causes together would follow the weaker as well.
+    Where the cause is strong, maps and other causes together could explain the weaker one as well.
     """
     task = Task("test", seed, (("transmission_error", strength),))
     hidden, _ = scaled(task)
@@ -99,7 +99,7 @@ def test_both_orders_of_a_gear_are_one_cause(seed: int, strength: float):
 
 
 def test_a_law_that_explains_a_little_more_is_no_doubt_of_a_name():
-    """Rods whose ends go by the joints' accelerations explain 0.3 % more than drives that give."""
+    """Rod ends that depend on joint accelerations explain 0.3 % more than compliant drives."""
     said = trial(9100, ("dynamic_deflection", STRONG))
     (finding,) = said["findings"]
     assert finding["cause"] == "dynamic_deflection"
@@ -107,7 +107,7 @@ def test_a_law_that_explains_a_little_more_is_no_doubt_of_a_name():
 
 
 def test_a_tracker_that_moves_and_does_not_turn_is_no_map_over_time():
-    """A drift that may turn as well has six numbers, hardly fewer than a map of the readings."""
+    """A drift that may also rotate has six parameters, hardly fewer than a map of the readings."""
     said = trial(315853, ("tracker_drift", 81.04))
     (finding,) = said["findings"]
     assert finding["cause"] == "tracker_drift"
@@ -115,7 +115,7 @@ def test_a_tracker_that_moves_and_does_not_turn_is_no_map_over_time():
 
 
 def test_a_weak_drift_is_no_map_over_temperature():
-    """A map of twelve weights explains 4 % more of it, as chance gives its weights something."""
+    """A map of twelve weights explains 4 % more, because its weights also fit chance."""
     said = trial(621230, ("joint_zero_drift", 122.54))
     (finding,) = said["findings"]
     assert finding["cause"] == "joint_zero_drift"
@@ -156,7 +156,7 @@ def test_a_poor_session_names_no_wrong_cause_with_confidence():
 
 
 def test_play_is_told_at_every_sample_as_the_generator_runs_it():
-    """Its play operator goes through all commands; the conditions know way and travel only."""
+    """The generator's backlash follows all commands; conditions have direction and travel only."""
     hidden = hide({"backlash": 0.1}, 230360)
     gap = np.array([hidden.hidden.values["backlash"][f"gap_{leg}"] for leg in (1, 2, 3)])
     at = survey(hidden.session, ROBOT.joints.names).paths.conditions
@@ -171,9 +171,7 @@ def test_play_is_told_at_every_sample_as_the_generator_runs_it():
 
 @pytest.mark.parametrize("seed", [204232, 908873])
 def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors(seed: int):
-    """A search that only goes downhill from where it was led, or from the drawing, is 0.15 m
-    off.
-    """
+    """A search that only descends from its last position, or from the drawing, is 0.15 m off."""
     session = hide({}, seed, "rich").session
     model = calibrated(survey(session, ROBOT.joints.names), ROBOT)
     offset = model.layout.offset
@@ -183,7 +181,7 @@ def test_the_reflector_is_found_where_the_valley_of_its_offset_has_two_floors(se
 
 
 def test_paths_and_poses_together_set_the_reflector():
-    """With its offset held where the poses alone have it, a joint's scale is 4 sigma off."""
+    """With its offset held at the value from the poses alone, a joint's scale is 4 sigma off."""
     trial, _ = scaled(Task("single", 639251, (("joint_scale", 85.0),)))
     start = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     every = catalogue(ROBOT, start.problem.chain.mechanism)

@@ -1,4 +1,4 @@
-"""Effects on cable robots, each against a formulation of its own."""
+"""Tests of effects on cable robots, each against an independent formulation."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from study.trials import Task
 
 GRAVITY = 9.80665
 ROBOT = load_robot("cdpr8")
-ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)  # nothing at home
+ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)  # zero at home
 CABLES = CableRobot(EIGHT_CABLES, TOLERANCES)
 G = CABLES.parameters.nominal
 X = workspace(EIGHT_CABLES, 12, np.random.default_rng(1))
@@ -52,7 +52,7 @@ HOME = conditions(EIGHT_CABLES.home[None], payload=0.0)
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.cause)
 def test_what_every_effect_on_cables_keeps_to(kind):
-    """Shape of the columns, units, a prior, nothing at home; another mechanism is refused."""
+    """Shape of the columns, units, a prior, zero at home; another mechanism is refused."""
     effect = kind(ROBOT, CABLES)
     count = len(effect.parameters)
     assert effect.columns(AT).shape == (len(X), 8, count)
@@ -69,7 +69,7 @@ def test_what_every_effect_on_cables_keeps_to(kind):
 
 @pytest.mark.parametrize("kind", ALL, ids=lambda kind: kind.cause)
 def test_a_typical_effect_moves_the_platform_by_no_more_than_machines_do(kind):
-    """From a hundredth of a millimetre to some centimetres: units are right."""
+    """From a hundredth of a millimetre to some centimetres, as a check of the units."""
     effect = kind(ROBOT, CABLES)
     size = np.array([p.prior for p in effect.parameters])
     q = AT.joint + effect.columns(AT) @ size
@@ -86,7 +86,7 @@ def test_drum_scale_is_an_error_of_k():
 
 
 def test_build_up_is_a_spiral_summed_over_its_turns():
-    """Turn by turn: a circle of the radius it has, less a layer each turn (in thin slices)."""
+    """Turn by turn: a circle of the current radius, less a layer per turn (in thin slices)."""
     radius, build_up, turns, slices = 75e-3, 68.75e-6, 12, 4000
     length = 0.0
     area = np.pi * radius**2  # of the wound drum, seen along its axis
@@ -94,14 +94,14 @@ def test_build_up_is_a_spiral_summed_over_its_turns():
         here = np.sqrt(area / np.pi)
         piece = 2 * np.pi * here / slices
         length += piece
-        area -= np.pi * build_up * piece  # what leaves, leaves its cross-section
+        area -= np.pi * build_up * piece  # the cable let out takes its cross-section with it
     turn = np.array(2 * np.pi * turns)
     assert let_out(turn, np.array(radius), build_up) == pytest.approx(length, rel=1e-5)
     assert length < 0.99 * radius * turn
 
 
 def test_build_up_acts_through_gear_and_tackle():
-    """Two lines on the drum a line at the platform wind twice as much, and halve the rest."""
+    """With two lines on the drum per line at the platform the drum winds twice as much."""
     d = replace(FOUR_CABLES, gear=np.full(4, 12.75), tackle=np.array([1.0, 2.0, 2.0, 4.0]))
     robot, turn = CableRobot(d, TOLERANCES), np.array([[50.0, -80.0, 120.0, 200.0]])
     build_up = 70e-6
@@ -121,11 +121,11 @@ def test_elasticity_is_what_unstretched_lengths_under_tension_give():
     added = length - CABLES.lengths(X, G)
     shift = EIGHT_CABLES.gain * (effect.columns(AT)[..., 0] / stiffness)
     np.testing.assert_allclose(shift, added, atol=3e-3 * np.abs(added).max())
-    assert 1e-4 < np.abs(added).max() < 5e-3  # a real machine's
+    assert 1e-4 < np.abs(added).max() < 5e-3  # as on a real machine
 
 
 def weight(x, payload):
-    """dU/dx by differences of the height of the masses, (n, 6)."""
+    """dU/dx by finite differences of the height of the masses, (n, 6)."""
 
     def energy(pose):
         arm = CABLES.rotation(pose[None])[0] @ [0.02, -0.01, 0.05]
@@ -138,7 +138,7 @@ def weight(x, payload):
 
 
 def test_a_pretension_that_is_lost_is_a_stretch_that_is_lost():
-    """Of tensions that a convex fit finds at the lower pretension, in cables of steel."""
+    """Tensions found by a convex fit at the lower pretension, in steel cables."""
     stiffness, loss, constant = 4e5, 0.3, 1800.0
     at = replace(AT, time=np.linspace(0.0, 5400.0, len(X)))
     effect = PretensionLoss(ROBOT, CABLES, time_constant=constant)
@@ -166,7 +166,7 @@ def test_a_pretension_that_is_lost_is_a_stretch_that_is_lost():
 
 
 def test_who_has_no_pretension_to_lose_is_not_told_so():
-    """Three cables that hold a point, or cables that nothing tightens."""
+    """Three cables that hold a point, or cables without pretension."""
     assert PretensionLoss(ROBOT, CABLES).suits
     assert not PretensionLoss(
         ROBOT, CableRobot(replace(EIGHT_CABLES, pretension=0.0), TOLERANCES)
@@ -181,7 +181,7 @@ def test_who_has_no_pretension_to_lose_is_not_told_so():
 
 @pytest.mark.slow
 def test_a_pretension_that_is_lost_is_named():
-    """By a foreign generator, a lambda of 400: 4 % of the pretension."""
+    """Hidden by an independent generator with lambda 400: 4 % of the pretension."""
     said = judge(Task("test", 3, (("pretension_loss", 400.0),), robot="cdpr8").key)
     assert [finding["cause"] for finding in said["findings"]] == ["pretension_loss"]
     assert not said["unknown"]
@@ -191,7 +191,7 @@ def test_a_pretension_that_is_lost_is_named():
 
 @pytest.mark.parametrize(("level", "rise"), [(3.0, 0.0), (3.0, 1.5), (1.0, 2.5), (4.0, -1.0)])
 def test_sag_is_a_catenary_integrated_along_its_arc(level, rise):
-    """y = a cosh((s - s_0) / a) through both ends; T: its pull along the chord in the middle."""
+    """y = a cosh((s - s_0) / a) through both ends; T: tension along the chord in the middle."""
     weight_each, level_force = 0.6, 60.0
     a = level_force / weight_each
     start = brentq(lambda s: a * (np.cosh((s + level) / a) - np.cosh(s / a)) - rise, -500, 500)
@@ -214,7 +214,7 @@ def test_sag_is_shared_out_by_horizontal_span_and_pull():
     chord, level = np.linalg.norm(vector, axis=-1), np.linalg.norm(vector[..., :2], axis=-1)
     slack = level**2 * chord / (24 * pull**2)
     shift = -EIGHT_CABLES.gain * effect.columns(AT)[..., 0]
-    at_home = (slack - shift)[:1]  # the same for all poses: what the zero took up
+    at_home = (slack - shift)[:1]  # the same for all poses: absorbed by the zero
     np.testing.assert_allclose(shift + at_home, slack, rtol=1e-6)
     assert (at_home > 0).all()
 
@@ -231,7 +231,7 @@ def test_sag_of_a_slack_cable_is_refused():
 
 @pytest.mark.parametrize(("level", "above"), [(2.0, -1.0), (1.5, 1.0), (0.5, -2.0), (3.0, 0.0)])
 def test_pulley_is_a_taut_string_around_a_disc(level, above):
-    """Boundary of the convex hull of the disc, a far point down the swivel axis and the joint."""
+    """Convex hull of the disc, a distant point down the swivel axis and the joint."""
     radius, far, count = 0.05, 20.0, 100_000
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
     disc = radius * np.column_stack([1 + np.cos(turn), np.sin(turn)])
@@ -243,7 +243,7 @@ def test_pulley_is_a_taut_string_around_a_disc(level, above):
     cut = (last - first) % len(hull)
     sides = ring[: cut + 1], ring[cut:]
     lengths = [np.linalg.norm(np.diff(points[side], axis=0), axis=1).sum() for side in sides]
-    over = max(zip(map(len, sides), lengths, strict=True))[1]  # the side with the disc in it
+    over = max(zip(map(len, sides), lengths, strict=True))[1]  # the side that contains the disc
     string = over - far
     away = DM([0.6 * level, 0.8 * level, above])
     written = np.hypot(level, above) + float(excess(away, radius))
@@ -255,7 +255,7 @@ def test_pulley_is_exact_at_the_radius_that_was_found():
     refined = effect.refined(radius)
     assert refined.settings == {"radius": 0.03}
     roughly, exactly = (e.columns(AT) @ radius * EIGHT_CABLES.gain for e in (effect, refined))
-    second = 0.03**2  # over a length of about a metre and more
+    second = 0.03**2  # over a length of about a metre or more
     assert 1e-6 < np.abs(roughly - exactly).max() < second
     assert 1e-3 < np.abs(exactly).max() < 60e-3
     assert effect.refined(np.array([-0.1])).radius == 0.0

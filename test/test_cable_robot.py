@@ -1,4 +1,4 @@
-"""The cable robot: closure, derivatives, redundancy, tensions, what it refuses."""
+"""Tests of the cable robot: closure, derivatives, redundancy, tensions, refusals."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from delta_calibration.mechanisms import CableRobot
 from machines import complex_step
 
 BODY, POINT = CableRobot(EIGHT_CABLES, TOLERANCES), CableRobot(FOUR_CABLES, TOLERANCES)
-SIX = CableRobot(  # no more cables than freedoms: two of one edge left out
+SIX = CableRobot(  # as many cables as degrees of freedom: two of one edge left out
     replace(
         EIGHT_CABLES,
         **{
@@ -109,7 +109,7 @@ def test_jacobians_are_slopes_of_the_direct_problem(robot):
 
 @pytest.mark.parametrize("robot", [BODY, POINT], ids=["body", "point"])
 def test_lengths_that_fit_no_pose_give_that_of_least_squares(robot):
-    """By another solver, the misfit of a machine within its tolerances; a millimetre."""
+    """Compared with another solver; within tolerances the misfit is about a millimetre."""
     rng = np.random.default_rng(5)
     real, g = built(robot.dimensions, rng), robot.parameters.nominal
     q = real.motors(workspace(robot.dimensions, 8, rng))
@@ -130,7 +130,7 @@ def test_lengths_that_fit_no_pose_give_that_of_least_squares(robot):
 
 
 def test_normal_equations_are_good_enough():
-    """What they lose against an orthogonal decomposition is rounding: f_x has condition 6 here."""
+    """Their loss against an orthogonal decomposition is rounding: f_x has condition 6 here."""
     rng = np.random.default_rng(6)
     g, x = machine(BODY, rng), workspace(EIGHT_CABLES, 100, rng)
     q = BODY.inverse(x, g)
@@ -160,10 +160,11 @@ def rank(jacobian):
     ],
 )
 def test_every_parameter_shows_in_the_lengths(dimensions, free, parameters, in_pose):
-    """7 m for a body, 4 m for a point, and m more where zeros are free; the frame is known.
+    """7 m for a body, 4 m for a point, and m more with free zeros; the frame is known.
 
-    In the pose alone one of the body's is hidden: lengths of neighbouring corners changed by the
-    same share in opposite senses are a self-stress of a box, which moves no platform.
+    By the pose alone one combination of the body's cannot be identified: changing the lengths of
+    neighbouring corners by the same fraction in opposite senses is a self-stress of a box, which
+    moves no platform.
     """
     robot = CableRobot(dimensions, ZEROS_FREE if free else TOLERANCES)
     x = workspace(dimensions, 150, np.random.default_rng(7))
@@ -210,7 +211,7 @@ def test_tensions_carry_the_load_by_newton_and_euler():
 
 @pytest.mark.parametrize("robot", [BODY, POINT], ids=["body", "point"])
 def test_tensions_are_the_nearest_to_the_pretension(robot):
-    """By numpy's pseudoinverse of the cables' directions, each machine of another geometry."""
+    """Compared with numpy's pseudoinverse of the cable directions, for different geometries."""
     rng = np.random.default_rng(11)
     x = workspace(robot.dimensions, 8, rng)
     g = robot.parameters.nominal + 1e-3 * rng.standard_normal((8, len(robot.parameters)))
@@ -225,7 +226,7 @@ def test_tensions_are_the_nearest_to_the_pretension(robot):
 
 
 def test_tension_of_one_plumb_line():
-    """A point right under its upper cable, no pretension: it alone carries, the others hang."""
+    """A point below its upper cable, no pretension: the others get negative tension, are slack."""
     robot = CableRobot(replace(FOUR_CABLES, pretension=0.0), TOLERANCES)
     x, load = np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, 0.0, 50.0]])
     pull = robot.tensions(x, robot.parameters.nominal, load)
@@ -234,12 +235,12 @@ def test_tension_of_one_plumb_line():
         robot.require_taut(pull)
 
 
-# What cannot be
+# Impossible input
 
 
 @pytest.mark.parametrize("robot", [BODY, POINT], ids=["body", "point"])
 def test_torn_cables_give_no_pose_and_say_which_joints(robot):
-    """Least squares finds a pose for a metre too much as well; no cable bears that."""
+    """Least squares also finds a pose for an error of a metre, which no cable could bear."""
     g, x = robot.parameters.nominal, workspace(robot.dimensions, 3, np.random.default_rng(9))
     q = robot.inverse(x, g)
     q[1, 2] += 200.0

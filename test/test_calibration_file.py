@@ -1,4 +1,4 @@
-"""A calibration comes back as it was written, or is refused with what is wrong with it."""
+"""A calibration is read as it was written, or is refused with a reason."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ROBOT = load_robot("srbd")
 
 @pytest.fixture(scope="module")
 def fitted():
-    """A fit of the quicker model, and the poses it was made from."""
+    """A fit of the faster model, and the poses from which it was made."""
     plan = make_plan("identify", ROBOT, count=14, dwell=0.4, both_sides=False)
     session = simulate_session(draw_machine(ROBOT, 1), plan, 1, source="out/cell/monday")
     poses = collect(session, ROBOT.joints.names)
@@ -50,7 +50,7 @@ def content_of(path):
 
 
 def sealed(path, change):
-    """The file with its content changed and sealed again: only meaning can betray it."""
+    """The file with changed content and a new seal: only the meaning can be wrong."""
     data = content_of(path)
     change(data)
     del data["sha256"]
@@ -79,7 +79,7 @@ def test_what_is_read_is_what_was_found(fitted, written):
     np.testing.assert_array_equal(read.joints_lower, poses.joint.min(axis=0))
     np.testing.assert_array_equal(read.joints_upper, poses.joint.max(axis=0))
     assert read.noise_floor == pytest.approx(found.noise.floor, rel=1e-15)
-    assert read.source == "monday"  # the recording's name, not where it lay
+    assert read.source == "monday"  # name of the recording, without its folder
     assert read.robot is ROBOT
     made = from_identification(found, ROBOT, poses)
     assert made.seal == read.seal == content_of(written)["sha256"]
@@ -108,7 +108,7 @@ def test_where_it_came_from_is_written(fitted, written):
 def test_every_number_survives_the_text(fitted, tmp_path, value):
     found, poses = fitted
     theta = found.theta.copy()
-    theta[-1] = value  # where the tracker stands: any number is one
+    theta[-1] = value  # position of the tracker: any number is valid
     path = tmp_path / "calibration.yaml"
     save_calibration(path, replace(found, theta=theta), ROBOT, poses)
     assert load_calibration(path, ROBOT).theta[-1] == value
@@ -127,14 +127,14 @@ def test_comments_order_and_spelling_may_change(written):
 
 
 def test_cut_off_anywhere_it_is_refused(written):
-    """As after a crash of a program that writes in place."""
+    """Like after a crash of a program that writes in place."""
     text = written.read_text(encoding="utf-8").rstrip("\n")
     cuts = np.linspace(0, len(text) - 1, 20).astype(int)
     for cut in [*cuts, len(text) - 64, len(text) - 72, len(text) - 2]:
         written.write_text(text[:cut], encoding="utf-8")
         assert refusal(written)
     lines = text.splitlines()
-    for gone in range(0, len(lines), 3):  # or of an editor that loses a line
+    for gone in range(0, len(lines), 3):  # or an editor that loses a line
         written.write_text("\n".join(lines[:gone] + lines[gone + 1 :]), encoding="utf-8")
         assert refusal(written)
 
@@ -215,7 +215,7 @@ def test_what_it_depends_on_may_not(written, tmp_path, old, new):
 
 
 def test_a_file_by_the_hash_of_the_whole_robot_file_is_read(written):
-    """As 0.1.0 wrote them."""
+    """Like files of version 0.1.0."""
     sealed(written, lambda data: data["robot"].update(sha256=ROBOT.hash))
     assert load_calibration(written, ROBOT).robot is ROBOT
 
@@ -311,7 +311,7 @@ def test_impossible_content_is_refused_though_the_seal_fits(written, change, mes
 
 
 def test_a_disc_of_poses_keeps_its_region(fitted, tmp_path):
-    """Poses in one plane make a thin region, which must come back the same."""
+    """Poses in one plane have a thin region, which must be read unchanged."""
     found, poses = fitted
     angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
     disc = np.stack([0.4 * np.cos(angle), 0.4 * np.sin(angle), 0 * angle - 0.711], axis=1)
@@ -370,7 +370,7 @@ SHAPES = {
 
 @pytest.fixture(scope="module")
 def extended(fitted):
-    """The fit with effects on the way, each parameter a number of its own."""
+    """The fit with effects added, each parameter a different number."""
     found, poses = fitted
     mechanism = found.chain.mechanism
     effects = tuple(effect_named(c, ROBOT, mechanism, shape) for c, shape in SHAPES.items())

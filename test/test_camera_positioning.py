@@ -1,4 +1,4 @@
-"""A SCARA driven right by a simulated camera, and the place of a camera from what it sees."""
+"""Tests of a SCARA that is positioned by a simulated camera, and of finding the camera's pose."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_both_postures_are_driven_with_the_elbow_they_have() -> None:
 
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_a_cameras_place_from_stops_of_a_perfect_machine(seed: int) -> None:
-    """However it is turned and tilted: of stops as drawn only the pixels' noise is left."""
+    """For any rotation and tilt: on a nominal machine only the pixel noise remains."""
     machine = draw_machine(SCARA, seed, scatter=0.0)
     camera, rng = CameraOver.hung(machine, seed), np.random.default_rng(seed)
     joint = frame_joints(SCARA, 24)

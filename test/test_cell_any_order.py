@@ -1,4 +1,4 @@
-"""The way of a command under events in any order: finite, within bounds and limits, no jump."""
+"""Tests of the command path with random events: finite, within bounds and limits, no jumps."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from delta_calibration.cell.command_path import ON_FAILURE, CommandPath, Sent
 from delta_calibration.compensation import CommandStatus, Compensated
 
 LARGEST = 0.01  # [rad] of any correction here
-LIMIT = 1.2  # [rad] of each joint, either way
+LIMIT = 1.2  # [rad] of each joint, in both directions
 SINGULAR = 0.9  # [rad] of the first joint
 RAMP_S, SPEED, FASTEST = 0.3, 2.0, 1.0  # [s], [rad/s] back from a hold, [rad/s] of the motion
-COUNT = 1500  # commands a run
+COUNT = 1500  # commands per run
 
 
 class Smooth:
-    """Corrects by the place, by at most `size` [rad]; two of the guards that it has."""
+    """Corrects as a function of the position, by at most `size` [rad]; has two of the guards."""
 
     def __init__(self, size: float) -> None:
         self.size = size
@@ -33,7 +33,7 @@ class Smooth:
 
 
 class Motion:
-    """A path, and what upstream, operator and accidents do to its commands, in random order."""
+    """A path with random disturbances of its commands by upstream nodes, operators and faults."""
 
     def __init__(self, seed: int) -> None:
         self.rng = np.random.default_rng(seed)
@@ -43,12 +43,12 @@ class Motion:
         self.path = CommandPath(policy, RAMP_S, self.rate, 0.1, SPEED, limits=limits)
         self.path.load(Smooth(LARGEST))
         self.now, self.meant, self.speed = 0.0, self.rng.uniform(-1, 1, 3), np.zeros(3)
-        # when it was meant, what was meant, what was sent, whether on its way back from a hold
+        # time and position meant, position sent, whether it was returning from a hold
         self.out: list[tuple[float, np.ndarray, np.ndarray, bool]] = []
-        self.last: tuple[float, float, np.ndarray, np.ndarray] | None = None  # now, and those
+        self.last: tuple[float, float, np.ndarray, np.ndarray] | None = None  # now, and these
 
     def move(self) -> None:
-        """The motion goes on, within what the joints may."""
+        """Advance the motion within the joint limits."""
         step = self.rng.choice([0.001, 0.002, 0.005, 0.02])
         self.now += step
         self.speed = np.clip(self.speed + self.rng.normal(0.0, 0.2, 3), -FASTEST, FASTEST)
@@ -56,10 +56,10 @@ class Motion:
         self.speed[beyond] *= -1.0
         self.meant = np.clip(self.meant + self.speed * step, -LIMIT, LIMIT)
 
-    astray = False  # whether what was commanded last had not come back from a hold
+    astray = False  # whether the last command was in a return from a hold
 
     def event(self) -> tuple[Sent | None, float, np.ndarray]:
-        """Something happens, and a command comes: what goes out; when and what was meant."""
+        """Apply a random event and a command; return output, and time and position meant."""
         rng, path = self.rng, self.path
         events = ["on", "on", "off", "load", "policy", "echo", "marked echo", "nan", "late", "bad"]
         event = str(rng.choice(events)) if rng.random() < 0.3 else "none"
@@ -89,7 +89,7 @@ class Motion:
 def test_no_order_of_events_makes_the_output_jump(seed: int) -> None:
     motion = Motion(seed)
     path = motion.path
-    # a ramp between corrections of either sign, and the bend of a correction along the motion
+    # A ramp between corrections of either sign, and the change of a correction along the motion.
     slope = min(2.0 * LARGEST / RAMP_S, motion.rate)
     for _ in range(COUNT):
         motion.move()
@@ -105,7 +105,7 @@ def test_no_order_of_events_makes_the_output_jump(seed: int) -> None:
             assert np.abs(out - meant).max() <= LARGEST + 1e-12
         if motion.last is not None:
             then, before, meant_before, last = motion.last
-            # a command that came back is of another time: the correction went on since
+            # An echoed command is of an earlier time; the correction has changed since.
             time = abs(when - before) + motion.now - then
             allowed = (1.0 + LARGEST) * np.abs(meant - meant_before) + slope * time
             allowed += SPEED * time * (on_its_way or way_back or motion.astray or astray)

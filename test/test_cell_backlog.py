@@ -1,4 +1,4 @@
-"""Commands after a stop of the process: what was lost is counted, nothing stale is sent."""
+"""Tests of commands after the process was suspended: losses are counted, nothing stale is sent."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def flowing(n: int = 50) -> tuple[Backlog[int], int]:
 
 
 def test_a_stop_loses_are_counted_and_only_the_newest_of_the_burst_goes_out() -> None:
-    """A stop of 1 s: the queue holds 100, 900 are gone, and the rest came out a second old."""
+    """After 1 s the queue holds 100 and 900 are lost; earlier, the rest was sent a second late."""
     backlog, last = flowing()
     sent = []
     now_s = last * 1e-3 + 1.0
@@ -58,7 +58,7 @@ def test_a_pause_of_who_commands_is_no_loss(pause_s: float) -> None:
 
 
 def test_a_process_may_wake_slowly_after_a_pause_of_who_commands() -> None:
-    """The first command is taken a little later than usual, the next ones right behind it."""
+    """The first command is received a little later than usual, the next ones right after it."""
     backlog, last = flowing()
     begin_s, sent = last * 1e-3 + 6.0, []
     for k, comes_s in enumerate((0.0015, 0.0016, 0.0021, 0.0031, 0.0041)):
@@ -86,7 +86,7 @@ def test_after_lost_time_the_output_goes_no_faster_than_the_joints_may() -> None
 
 
 def test_on_a_busy_machine_what_is_late_has_waited_though_it_comes_slowly() -> None:
-    """A second of commands, taken 0.8 ms apart: the last three periods' go out at most."""
+    """A second of commands, taken 0.8 ms apart: at most the last three periods' are sent."""
     backlog, last = flowing()
     sent: list[tuple[int, float]] = []
     now_s = last * 1e-3 + 1.0

@@ -1,4 +1,4 @@
-"""A capture holds what came between start and stop, says what it did not hold, and no more."""
+"""A capture contains the messages between start and stop, and states what it lacks."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_before_start_and_after_stop_nothing_is_taken() -> None:
     capture.add_tracker(0, np.concatenate([POINT]), UPRIGHT)
     assert capture.held == 0
     capture.start()
-    capture.add_tracker(1, POINT)  # points: what came before the start decided nothing
+    capture.add_tracker(1, POINT)  # points: messages before the start have no influence
     capture.stop()
     capture.add_tracker(2, POINT)
     assert capture.session("x").tracker.stamp_ns.tolist() == [1]
@@ -115,7 +115,7 @@ def test_streams_without_messages_are_absent() -> None:
 
 
 def test_what_is_frozen_stays_as_it_is_and_takes_no_time() -> None:
-    """A fit begins between two commands, whatever was captured."""
+    """A fit starts between two commands, whatever was captured."""
     capture = Capture(NAMES, 1_000_000)
     capture.start()
     rows = np.random.default_rng(0).normal(size=(200_000, len(NAMES)))

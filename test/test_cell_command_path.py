@@ -1,4 +1,4 @@
-"""The way of a command to the drives: what goes out, what never does, no jump of a correction."""
+"""Tests of the command path to the drives: what is sent, what is never sent, no jumps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from delta_calibration.errors import DataError, InputError
 
 Q = np.array([0.1, 0.2, 0.3])
 DQ = np.array([0.01, -0.02, 0.005])
-EDGE = 1.0  # [rad] of the first joint: beyond it nothing is corrected
+EDGE = 1.0  # [rad] of the first joint: there is no correction beyond it
 
 
 class Fixed:
@@ -36,7 +36,7 @@ class Fixed:
 
 
 def compensating(on_failure: str = PASS_THROUGH, ramp_s: float = 0.0) -> CommandPath:
-    """A path whose correction is fully in; steady time stands at 0."""
+    """A path with its correction fully active; the steady clock is at 0."""
     path = CommandPath(on_failure, ramp_s)
     path.load(Fixed())
     path.enable(True)
@@ -116,7 +116,7 @@ def test_hold_sends_the_last_good_command_and_nothing_before_there_is_one() -> N
     good = path.send(Q, 1, 0.0)
     held = path.send(outside(), 2, 0.0)
     np.testing.assert_array_equal(held.joint, good.joint)
-    np.testing.assert_allclose(path.nominal(held.joint), Q)  # upstream sees where it stands
+    np.testing.assert_allclose(path.nominal(held.joint), Q)  # upstream sees the actual position
     assert path.counts[CommandStatus.OUTSIDE_REGION.value] == 2
     assert path.counts[command_path.DROPPED] == 1
     assert path.counts[command_path.HELD] == 1
@@ -168,7 +168,7 @@ def test_time_going_backwards_is_counted_and_the_command_still_sent() -> None:
     np.testing.assert_allclose(path.send(Q, 99, 0.0).joint, Q + DQ)
     assert path.counts[command_path.BACKWARD] == 1
     assert path.trouble == command_path.BACKWARD
-    path.send(Q, 99, 0.0)  # the same again is no step back
+    path.send(Q, 99, 0.0)  # a repeated stamp is no step back
     assert path.counts[command_path.BACKWARD] == 1
 
 
@@ -204,7 +204,7 @@ def test_after_a_reset_nothing_is_compensated_or_held() -> None:
 
 
 class Sided:
-    """Corrects by half a gap on the side that a joint has come from; knows nothing of no side."""
+    """Corrects by half a gap on the side of approach; without a side a condition is missing."""
 
     def __init__(self) -> None:
         self.calls = 0

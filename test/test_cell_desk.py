@@ -1,4 +1,4 @@
-"""Capture, fit, save, reload, switch on, without ROS; what fails leaves everything as it was."""
+"""Capture, fit, save, reload, switch on, without ROS; failures leave everything unchanged."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def session() -> Session:
 
 
 def feed(desk: CalibrationSession, session: Session, stop: int | None = None) -> None:
-    """Capture a session's messages as a node would."""
+    """Capture a session's messages as a node does."""
     desk.start_capture(0.0)
     for k in range(len(session.states.stamp_ns[:stop])):
         stamp = int(session.states.stamp_ns[k])
@@ -70,7 +70,7 @@ def file(fitted: CalibrationSession, tmp_path: Path) -> Path:
 def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     name: str, usual: float, unit: str
 ) -> None:
-    """5 m/s of a slider would hold back nothing, 5 rad/s of a drum what is sound."""
+    """5 m/s of a slider would limit nothing, 5 rad/s of a drum would limit normal corrections."""
     desk = CalibrationSession(Settings(name))
     assert desk.path.ramp.rate == pytest.approx(usual)
     desk.set_options("pass_through", 1.0, 0.25, 0.0, "refuse")
@@ -80,7 +80,8 @@ def test_the_rate_of_corrections_is_of_the_joints_own_unit(
     with pytest.raises(InputError, match=rf"max_correction_rate is -1.0 {unit}/s; it has"):
         desk.set_options("pass_through", 1.0, -1.0, 0.0, "refuse")
     assert f"correction [{unit}]" in desk.health(0.0, TIMEOUT_S).values
-    # a correction that moves the platform as far takes as long, whatever moves it
+    # A correction that moves the platform by the same distance takes the same time for any
+    # mechanism.
     model = desk.robot.commanded
     slope = model.velocity_jacobian(
         model.home[None],
@@ -171,7 +172,7 @@ def test_a_file_that_is_no_good_leaves_the_one_in_force(
 def test_a_table_is_made_when_a_calibration_is_loaded_and_compensates(
     fitted: CalibrationSession, file: Path
 ) -> None:
-    """The first command finds it ready: nothing is left to be made, compiled or loaded."""
+    """It is ready at the first command: nothing remains to be made, compiled or loaded."""
     desk = CalibrationSession(Settings("srbd", calibration=str(file), method="table", ramp_s=0.0))
     desk.enable(True)
     assert "compensating by table (" in desk.health(0.0, TIMEOUT_S).message
@@ -246,7 +247,7 @@ def test_health_tells_what_a_full_capture_lost() -> None:
 
 def test_health_tells_commands_that_take_longer_than_their_period() -> None:
     desk, period_ns = CalibrationSession(Settings("srbd")), 20_000_000
-    for k, took_s in enumerate((0.5, 0.015, 0.019, 0.015)):  # the first has no period yet
+    for k, took_s in enumerate((0.5, 0.015, 0.019, 0.015)):  # the first one has no period yet
         desk.watch.took(took_s, k * period_ns, 1.0)
     assert desk.health(1.0, TIMEOUT_S).level is Level.OK
     desk.watch.took(0.034, 4 * period_ns, 1.0)
@@ -285,7 +286,7 @@ def test_a_fit_is_added_to_the_history_of_its_machine(session: Session, tmp_path
     assert (entry.added_by, entry.verdict) == (BY_NODE, None)
     entry.require_unchanged()
     assert Path(entry.path).parent == bags / "m"
-    said = desk.take(*desk.prepare_fit()())  # a fit that is not added is a fit all the same
+    said = desk.take(*desk.prepare_fit()())  # a fit that is not added is still a fit
     assert "not added to the history of m: " in said
     assert "already" in said
     assert desk.calibration is not None
@@ -293,7 +294,7 @@ def test_a_fit_is_added_to_the_history_of_its_machine(session: Session, tmp_path
 
 @pytest.fixture(scope="module")
 def kept_in(session: Session, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Settings of a history that has the session of a first day."""
+    """Settings of a history that contains the session of a first day."""
     pytest.importorskip("sqlalchemy")
     folder = tmp_path_factory.mktemp("history")
     asked = {"history": str(folder / "h.sqlite"), "machine": "m", "bags": str(folder / "bags")}
@@ -304,7 +305,7 @@ def kept_in(session: Session, tmp_path_factory: pytest.TempPathFactory) -> dict[
 
 
 def next_day(count: int, day: int) -> Session:
-    """The machine of the first session, its tracker and reflector set up anew."""
+    """The machine of the first session, with tracker and reflector set up again."""
     robot = load_robot("srbd")
     plan = make_plan("identify", robot, count=count, dwell=0.4)
     machine = visited(draw_machine(robot, 3), robot, 3, day)

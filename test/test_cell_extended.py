@@ -1,4 +1,4 @@
-"""A desk with an extended calibration: motion, payload and warmth take part in what is sent."""
+"""Tests of a desk with an extended calibration: effects of motion, payload and temperature."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def fitted_fixture() -> tuple[Identification, Poses]:
 
 
 class Bench:
-    """A desk with effects in its calibration, compensating, and the clock of its commands."""
+    """A compensating desk with effects in its calibration, and the clock of its commands."""
 
     def __init__(
         self, fitted: tuple[Identification, Poses], folder: Path, effects: Effects, **settings: Any
@@ -51,7 +51,7 @@ class Bench:
         self.tick = 0
 
     def give(self, q: np.ndarray) -> np.ndarray:
-        """What is sent for a command, at 100 Hz, less the command."""
+        """Output for a command, at 100 Hz, minus the command."""
         self.tick += 1
         sent = self.desk.send(q, self.tick * PERIOD_NS, self.tick * 0.01, False)
         self.desk.keep(q, self.tick * PERIOD_NS, False)
@@ -59,7 +59,7 @@ class Bench:
         return np.asarray(sent.joint - q)
 
     def come(self, begin: np.ndarray) -> np.ndarray:
-        """The correction at Q after a move from `begin`, and a rest."""
+        """The correction at Q after a move from `begin` and a rest."""
         for share in np.linspace(0.0, 1.0, 20):
             self.give(begin + share * (Q - begin))
         return [self.give(Q) for _ in range(30)][-1]
@@ -131,7 +131,7 @@ def test_a_load_is_corrected_once_the_payload_is_known(
     bench.tick += 200
     if on_failure == PASS_THROUGH:
         np.testing.assert_array_equal(bench.give(Q), 0.0)
-    else:  # the last good one
+    else:  # the last valid one
         np.testing.assert_allclose(bench.give(Q + 0.01) + 0.01, corrections[1], atol=1e-9)
     assert bench.desk.path.trouble == said
 

@@ -1,4 +1,4 @@
-"""Guards of the command path, each tripped: rate, age, echo, hold and return, edge."""
+"""Tests of each guard of the command path: rate, age, echo, hold and return, edge."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_a_correction_beyond_its_rate_is_held_to_it_and_counted() -> None:
     steps = np.abs(np.diff([DQ, *sent], axis=0))
     assert steps.max() == pytest.approx(0.5 * STEP_S)
     np.testing.assert_allclose(sent[-1], -DQ)
-    assert path.counts[command_path.LIMITED] == 7  # 40 mrad at 5 a step, the last one free
+    assert path.counts[command_path.LIMITED] == 7  # 40 mrad in steps of 5, the last one free
 
 
 @pytest.mark.parametrize("already", [False, True])
@@ -55,19 +55,19 @@ def test_a_stale_command_is_dropped_or_the_last_one_held(already: bool) -> None:
 def test_what_was_sent_is_not_corrected_again_though_its_mark_is_lost() -> None:
     path = compensating()
     out = path.send(Q, 0, 0.0)
-    for k in range(1, 20):  # a loop: what goes out comes in
+    for k in range(1, 20):  # a loop: the output is the next input
         out = path.send(out.joint.copy(), k, k * STEP_S)
         np.testing.assert_array_equal(out.joint, Q + DQ)
         assert out.compensated
         assert path.trouble == command_path.ECHO
         np.testing.assert_allclose(path.nominal(out.joint), Q, atol=1e-15)
     assert path.counts[command_path.ECHO] == 19
-    np.testing.assert_allclose(path.send(Q, 20, 0.3).joint, Q + DQ)  # and out of the loop again
+    np.testing.assert_allclose(path.send(Q, 20, 0.3).joint, Q + DQ)  # out of the loop again
 
 
 def test_a_motion_is_not_taken_for_an_echo() -> None:
     path = compensating()
-    way = np.linspace(0.0, 1.0, 4001)[:, None] * 1.7 * DQ  # right along the correction
+    way = np.linspace(0.0, 1.0, 4001)[:, None] * 1.7 * DQ  # exactly along the correction
     for k, step in enumerate(way):
         np.testing.assert_allclose(path.send(Q + step, k, k * 1e-3).joint, Q + step + DQ)
     assert path.counts[command_path.ECHO] == 0
@@ -97,13 +97,13 @@ def test_an_output_that_comes_back_in_a_hold_or_after_it_is_sent_as_it_is() -> N
     np.testing.assert_allclose(path.send(away, 3, 0.0).joint, held)  # no jump to the command
     half = path.send(away, 4, 0.5).joint
     np.testing.assert_allclose(half, (held + away + DQ) / 2)
-    for now_s in (0.5, 0.6):  # and not the way that is left once more
+    for now_s in (0.5, 0.6):  # and not the remaining way once more
         np.testing.assert_array_equal(path.send(half.copy(), 5, now_s).joint, half)
 
 
 @pytest.mark.parametrize("on_failure", [PASS_THROUGH, HOLD])
 def test_no_correction_brings_a_joint_beyond_its_limit(on_failure: str) -> None:
-    """Where a correction goes out because the joint's limit is near, it is there for a while."""
+    """If a correction is sent because the joint limit is near, it stays for a while."""
     limits = Q - 1.0, Q + np.array([0.1, 1.0, 1.0])
     path = CommandPath(on_failure, ramp_s=1.0, limits=limits)
     path.load(Fixed(np.full(3, 0.01)))
@@ -111,7 +111,7 @@ def test_no_correction_brings_a_joint_beyond_its_limit(on_failure: str) -> None:
     path.send(Q, 0, -5.0)
     path.send(Q, 0, 0.0)
     path.enable(False)
-    for k, s in enumerate(np.linspace(0.0, 0.3, 32)):  # at the limit long before it is out
+    for k, s in enumerate(np.linspace(0.0, 0.3, 32)):  # at the limit before the ramp is complete
         q = Q + 0.1 * s / 0.3
         out = path.send(q, k, s).joint
         assert (out <= limits[1]).all()
@@ -147,7 +147,7 @@ def test_with_hold_the_last_good_output_stands_in_for_one_beyond_a_limit() -> No
 
 
 def test_a_ramp_is_bounded_a_step_where_commands_are_far_apart() -> None:
-    """One command in two seconds; with compensation on for 1 s the correction was all there."""
+    """Commands are two seconds apart; earlier, the whole correction came in one step."""
     path = CommandPath(ramp_s=1.0, at_once_s=0.1)
     path.load(Fixed())
     path.send(Q, 0, 0.0)
@@ -193,7 +193,7 @@ def test_a_marked_command_of_another_is_told_as_none_of_ours(foreign: np.ndarray
 
 
 def test_a_marked_command_of_another_is_no_way_round_the_rate() -> None:
-    """Whole or on its ramp: the next correction is held to the rate from the last of our own."""
+    """In full or on its ramp: the next correction is rate limited from our own last one."""
     path = CommandPath(ramp_s=0.0, rate=0.02)
     path.load(Fixed())
     path.send(Q, 0, 0.0)
@@ -205,7 +205,7 @@ def test_a_marked_command_of_another_is_no_way_round_the_rate() -> None:
 
 
 def test_the_way_back_from_a_hold_is_bounded_a_step() -> None:
-    """Commands seconds apart: 0.1 s of the way in each output, and not all of it in one."""
+    """With commands seconds apart each output makes 0.1 s of the return, not all of it at once."""
     path = CommandPath(HOLD, ramp_s=1.0, at_once_s=0.1)
     held = path.send(Q, 0, 0.0).joint
     path.refuse("no command")
@@ -221,13 +221,13 @@ def test_the_way_back_from_a_hold_is_bounded_a_step() -> None:
     ("age_s", "why"), [(-1000.0, command_path.AHEAD), (np.nan, command_path.AGELESS)]
 )
 def test_a_command_of_an_age_that_cannot_be_is_not_sent(age_s: float, why: str) -> None:
-    """Stamps 1000 s ahead, and all while simulated time had no clock, passed the timeout."""
+    """Earlier, stamps 1000 s ahead, and any without simulated time, passed the timeout."""
     path = compensating()
     path.set_options(PASS_THROUGH, 0.0, timeout_s=0.1)
     assert path.send(Q, 0, 0.0, age_s=age_s) is None
     assert path.trouble == why
     assert path.counts[why] == 1
-    path.set_options(PASS_THROUGH, 0.0)  # without a timeout nobody asks
+    path.set_options(PASS_THROUGH, 0.0)  # there is no check without a timeout
     assert path.send(Q, 0, 0.0, age_s=age_s) is not None
 
 
@@ -236,7 +236,7 @@ def test_after_a_hold_the_output_goes_back_to_the_commands_without_a_jump() -> N
     path.send(Q, 0, -5.0)
     path.send(Q, 0, 0.0)
     held = path.send(outside(), 1, 0.1).joint
-    away = Q + np.array([0.4, -0.3, 0.2])  # where the commands came back
+    away = Q + np.array([0.4, -0.3, 0.2])  # position at which the commands returned
     sent = [path.send(away, 2 + k, 0.2 + k * STEP_S) for k in range(120)]
     way = np.array([s.joint for s in sent])
     np.testing.assert_allclose(way[0], held, atol=1e-12)
@@ -276,18 +276,18 @@ def test_activated_again_the_correction_that_the_drives_have_goes_out_on_a_ramp(
 
 
 def test_activated_again_after_a_hold_it_starts_where_the_drives_stand() -> None:
-    """Deactivated in a hold and activated again, the first output was the command: 56 mrad off."""
+    """Earlier, the first output after a hold and a new activation was the command: 56 mrad off."""
     path = compensating(HOLD, ramp_s=1.0)
     path.send(Q, 0, -5.0)
     path.send(Q, 0, 0.0)
     held = path.send(outside(), 1, 0.0).joint
     path.reset()
     away = Q + 0.056
-    assert path.send(away, 2, 9.0) is None  # nobody says where the drives are
+    assert path.send(away, 2, 9.0) is None  # the position of the drives is unknown
     assert path.trouble == command_path.WAITING
     path.stand(held, 8.0)
-    assert path.send(away, 3, 9.01) is None  # nor of late
-    path.reset()  # which does not forget the hold
+    assert path.send(away, 3, 9.01) is None  # and has not been received recently
+    path.reset()  # which keeps the hold
     assert path.send(away, 3, 9.01) is None
     path.stand(held, 9.02)
     way = np.array([path.send(away, k, 9.02 + k * STEP_S).joint for k in range(150)])
@@ -330,7 +330,7 @@ def test_a_correction_is_blended_out_by_place_over_the_margin() -> None:
     beyond = made.region.outside(points)
     share = np.clip(1.0 - beyond / MARGIN, 0.0, 1.0)
     np.testing.assert_allclose(done.correction, share[:, None] * whole.correction, atol=1e-9)
-    # continuous in place: a step of a thousandth of the margin changes a thousandth of it
+    # Continuous in position: a step of a thousandth of the margin changes a thousandth of it.
     largest = np.abs(whole.correction).max()
     assert largest > 1e-4
     steps = np.abs(np.diff(done.correction, axis=0)).max()
@@ -346,7 +346,7 @@ def test_a_correction_is_blended_out_by_place_over_the_margin() -> None:
     clear = blended | (share == 0) | (beyond < -1e-6)
     found = np.array([done.blended(k) for k in range(len(q))])
     np.testing.assert_array_equal(found[clear], blended[clear])
-    # what is left of the error is told: none inside, all of it at the end of the margin
+    # The remaining error is reported: none inside, all of it at the end of the margin.
     assert done.model_error[inside].max() < 1e-6
     left = np.linalg.norm(
         JointCompensator(made).point(done.joint[blended]) - points[blended], axis=1
@@ -369,12 +369,12 @@ def test_across_the_edge_the_output_has_no_step(on_failure: str) -> None:
     assert path.counts[CommandStatus.OUTSIDE_REGION.value] == beyond.sum()
     assert path.counts[command_path.BLENDED] > 100
     if on_failure == PASS_THROUGH:
-        # the same place, the same correction, on the way out and on the way in: no ramp by time
+        # The same position has the same correction on the way out and in: no ramp over time.
         n = len(q) // 2
         np.testing.assert_allclose(sent[:n] - q[:n], (sent[n:] - q[n:])[::-1], atol=1e-9)
         np.testing.assert_array_equal(sent[beyond], q[beyond])
     else:
-        assert len(np.unique(sent[beyond], axis=0)) == 1  # it stands where it was last
+        assert len(np.unique(sent[beyond], axis=0)) == 1  # it stays at its last position
 
 
 def test_without_a_margin_corrections_end_at_the_region() -> None:
@@ -384,7 +384,7 @@ def test_without_a_margin_corrections_end_at_the_region() -> None:
     done = JointCompensator(made).compensate(q)
     inside = made.region.outside(across(5)) <= 1e-9
     assert [v is CommandStatus.CORRECTED for v in done.verdicts] == inside.tolist()
-    assert done.share is None  # none in part
+    assert done.share is None  # none is partial
 
 
 def test_without_a_margin_a_correction_ends_and_begins_over_the_ramp() -> None:
@@ -392,7 +392,7 @@ def test_without_a_margin_a_correction_ends_and_begins_over_the_ramp() -> None:
     path = CommandPath(ramp_s=1.0)
     path.load(JointCompensator(calibration(errors(np.random.default_rng(1)), sharp, reach=0.25)))
     path.enable(True)
-    q = drawing_joints(across(4001))  # 0.1 mm a millisecond
+    q = drawing_joints(across(4001))  # 0.1 mm per millisecond
     path.send(q[0], 0, -9.0)
     added = np.array([path.send(c, k, k * 1e-3).joint - c for k, c in enumerate(q)])
     largest = np.abs(added).max()
@@ -401,7 +401,7 @@ def test_without_a_margin_a_correction_ends_and_begins_over_the_ramp() -> None:
 
 
 def test_each_guard_of_a_real_calibration_is_counted_on_the_path() -> None:
-    """Bound, singularity, joint limit, reach: what the compensator refuses, the path counts."""
+    """Bound, singularity, joint limit, reach: the path counts what the compensator refuses."""
     limits = replace(load_robot("srbd").limits, correction=1e-4)
     robot = replace(ROBOT, limits=limits)
     path = CommandPath(ramp_s=0.0)

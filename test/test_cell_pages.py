@@ -1,7 +1,8 @@
-"""Commands for a cell, which cannot run here: their syntax, and every name in them.
+"""Tests of commands for a cell, which cannot run here: their syntax, and every name in them.
 
-`ros2` itself is not on PyPI. What is held: the shell can read each block; executables are those
-that the package installs; parameters, remapped topics and services are those of the real nodes.
+`ros2` itself is not on PyPI. The tests check that the shell can read each block; that executables
+are those that the package installs; and that parameters, remapped topics and services are those of
+the real nodes.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ BLOCK = re.compile(r"^```bash\n(.*?)^```$|((?:^    \S[^\n]*\n)+)", re.MULTILINE 
 
 
 def blocks(page: str) -> list[str]:
-    """Shell commands of a page: fenced, or set in by four blanks."""
+    """Shell commands of a page: fenced, or indented by four blanks."""
     return [
         fenced or re.sub("^    ", "", plain, flags=re.MULTILINE)
         for fenced, plain in BLOCK.findall(page)
@@ -40,13 +41,13 @@ def blocks(page: str) -> list[str]:
 
 
 def commands(page: str) -> list[list[str]]:
-    """Each command line of a page, in words."""
+    """Each command line of a page, as words."""
     lines = (line for block in blocks(page) for line in block.splitlines() if line.strip())
     return [words for words in (shlex.split(line, comments=True) for line in lines) if words]
 
 
 class Cell:
-    """What there is to be named."""
+    """Names that exist in a cell."""
 
     def __init__(self, folder: Path) -> None:
         setup = ConfigParser()
@@ -58,12 +59,12 @@ class Cell:
         self.ends: set[End] = {end for node in nodes.values() for end in ends(node)}
         self.parameters = {
             name: set(node._parameters) for name, node in nodes.items()
-        }  # list_parameters is asked through a service only
+        }  # list_parameters is available through a service only
         nodes["session_recorder"].close()
         bench.take_down()
 
     def wrong(self, words: list[str]) -> str:
-        """What a command names that there is not; empty where it names nothing wrong."""
+        """The name in a command that does not exist; empty if all exist."""
         match words:
             case ["ros2", "run", package, executable, *rest]:
                 if package != PACKAGE or executable not in self.executables:

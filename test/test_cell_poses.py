@@ -1,4 +1,4 @@
-"""The desk of a cell and its simulated machine, for every robot: capture, fit, compensate."""
+"""Tests of a cell's desk with simulated machines of all robots: capture, fit, compensate."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_a_cell_is_captured_fitted_and_compensated(name: str) -> None:
     sent = [desk.send(q, k + 1, 1.0 + k, False) for k, q in enumerate(plan.joint)]
     joint = np.array([command.joint for command in sent])
     corrected = (joint != plan.joint).any(axis=1)
-    assert corrected.sum() >= 8  # of places within the region that was measured or near it
+    assert corrected.sum() >= 8  # places in or near the measured region
 
     def off(q: np.ndarray) -> np.ndarray:
         """Distance of the tool from the targets in the calibration's base, (n,) [m]."""

@@ -1,4 +1,4 @@
-"""Whole targets on the simulated Delta, and when a machine is held to stand."""
+"""Tests of whole targets on the simulated Delta, and of when a machine counts as standing."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ def test_it_beats_the_uncalibrated_machine_without_a_model_of_it(seed: int) -> N
     assert run.after.max() < 100e-6
     assert run.after.mean() < 0.2 * run.before.mean()
     assert run.moves.max() < 25
-    # what is left in the machine's own base is what the frame is wrong by
+    # The remaining error in the machine's own base is that of the frame.
     np.testing.assert_allclose(run.truly_after, run.frame_error, atol=100e-6)
 
 
 def test_corrections_are_those_of_the_true_machine_within_their_uncertainty() -> None:
-    """Against the inverse problem of the six-rod machine, which the search knows nothing of."""
+    """Compared with the six-rod machine's inverse kinematics, which the search does not know."""
     machine, wanted = draw_machine(ROBOT, 3), targets(3, 3)
     calibration = truth(machine)
     simulated = SimulatedMachine(machine, np.random.default_rng(1), 0.0)
@@ -79,7 +79,7 @@ def test_what_it_does_is_told() -> None:
     first = work.step
     with pytest.raises(DataError, match=r"target 1 of 2, search 1 of 2, move 1: reading .nan"):
         work.tell(np.full(3, np.nan))
-    np.testing.assert_array_equal(work.step, first)  # it waits for another
+    np.testing.assert_array_equal(work.step, first)  # waits for another reading
     assert not work.done
 
 
@@ -172,12 +172,12 @@ def test_the_mean_is_of_the_readings_after_it_came_to_rest() -> None:
     stop.reading(PLACE)
     assert stop.trouble == "no joint_states"
     stop.joints(TOLD + 2e-4 * np.array([0.0, 1.0, 0.0]))
-    stop.reading(PLACE)  # on its way: does not count
+    stop.reading(PLACE)  # moving: does not count
     assert stop.mean is None
     assert "joint_2 stands at 0.200200 rad but was commanded to 0.200000" in stop.trouble
     stop.joints(TOLD + 5e-5)
     assert stop.trouble == "no tracker readings"
-    stop.reading(PLACE + 2e-4 * ALONG)  # still swings
+    stop.reading(PLACE + 2e-4 * ALONG)  # still oscillating
     stop.reading(PLACE + 1e-6 * ALONG)
     assert stop.trouble == "2 tracker readings; 3 are needed"
     stop.reading(PLACE)

@@ -1,4 +1,4 @@
-"""What markers draw: errors, workspace, region, places where guards acted."""
+"""Tests of the markers: errors, workspace, region, places where guards acted."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def named(drawings: Any, name: str) -> Drawing:
 def test_error_vectors_go_from_where_it_was_meant_to_be_to_where_it_is(
     desk: CalibrationSession,
 ) -> None:
-    """The errors drawn against the machine's own, which the fit never saw: its truth."""
+    """The drawn errors are compared with the machine's true ones, unknown to the fit."""
     drawings = scene(ROBOT, desk.calibration, desk.fitted, 100.0)
     lines = named(drawings, "error measured")
     start, tip = lines.points[::2], lines.points[1::2]
@@ -59,7 +59,7 @@ def test_error_vectors_go_from_where_it_was_meant_to_be_to_where_it_is(
     assert len(start) == len(poses) == 2 * 15
     nearest = np.linalg.norm(dots[:, None] - PLAN.target, axis=-1).min(axis=1)
     assert nearest.max() < 1e-6
-    # the frame is fitted: what counts is the machine's error after the best rigid motion
+    # The frame is fitted: what counts is the machine's error after the best rigid motion.
     assert 0.1e-3 < np.linalg.norm(tip - start, axis=1).mean() / 100.0 < 5e-3
     model = named(drawings, "error calibrated")
     apart = np.linalg.norm(model.points[1::2] - tip, axis=1) / 100.0
@@ -90,7 +90,7 @@ def test_poses_out_of_reach_are_left_out_and_many_thinned() -> None:
 def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(
     desk: CalibrationSession,
 ) -> None:
-    """Of the region's places; against the identified model, solved by the closure's residual."""
+    """At places of the region; compared with the identified model, solved by the closure."""
     other = replace(desk.calibration, source="another")
     drawings = scene(ROBOT, other, desk.fitted, 100.0)
     names = {drawing.name for drawing in drawings}
@@ -108,7 +108,7 @@ def test_a_calibration_that_was_loaded_draws_the_errors_that_it_expects(
 def test_the_region_is_the_hull_that_guards_go_by(desk: CalibrationSession) -> None:
     held = desk.calibration.region
     faces = named(scene(ROBOT, desk.calibration, None, 1.0), "region").points
-    assert np.abs(held.outside(faces)).max() < 1e-6  # on the boundary, all of it
+    assert np.abs(held.outside(faces)).max() < 1e-6  # all on the boundary
     middles = faces.reshape(-1, 3, 3).mean(axis=1)
     assert np.abs(held.outside(middles)).max() < 1e-6
     assert {tuple(v) for v in faces} == {tuple(v) for v in held.vertices}
@@ -147,8 +147,8 @@ def drive(path: CommandPath, trail: GuardTrail, points: np.ndarray) -> None:
 def test_guards_are_seen_where_they_acted(
     desk: CalibrationSession, on_failure: str, act: str
 ) -> None:
-    """Outwards, out of the region: corrected, blended out on its margin, then not at all."""
-    # 5 mm apart, as the cells are of which one point each is kept, and not on their edges
+    """Outwards from the region: corrected, blended out on its margin, then not corrected."""
+    # 5 mm apart, like the cells of which one point each is kept, and not on their edges.
     way = np.linspace([0.0, 0.0, -0.711], [0.66, 0.0, -0.711], 133) + 0.002
     trail = GuardTrail()
     drive(enabled(desk, on_failure), trail, way)

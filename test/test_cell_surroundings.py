@@ -1,4 +1,4 @@
-"""Conditions of a live command: motion from the stream, what is carried, how warm it is."""
+"""Tests of the conditions of a live command: motion from the stream, payload, temperature."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def test_motion_is_that_of_the_whole_stream_seen_at_once() -> None:
     np.testing.assert_array_equal(at.direction[0], whole.direction[-1])
     np.testing.assert_allclose(at.travel[0], whole.travel[-1], atol=1e-12)
     rate = 0.6 * np.cos(2.0 * time[-1] + np.array([0.0, 1.0, 2.0]))
-    # a parabola over 0.1 s of a third derivative of 2.4 rad/s^3 is off by so much at its end
+    # End error of a parabola over 0.1 s for a third derivative of 2.4 rad/s^3.
     np.testing.assert_allclose(at.velocity[0], rate, atol=2.4 * 0.1**2 / 6)
     np.testing.assert_allclose(at.acceleration[0], -4 * q[-1], atol=2.4 * 0.1)
 
@@ -68,7 +68,7 @@ def test_what_was_never_heard_is_not_known_and_what_is_old_no_more() -> None:
     at = around.at(q, 11.0)
     assert np.isnan(at.of_part("arm")[0])
     assert at.of_part("base")[0] == 25.0
-    assert around.at(q, 1e9).payload[0] == 2.0  # said once, and holds
+    assert around.at(q, 1e9).payload[0] == 2.0  # sent once, and kept
     around.set_timeouts(20.0, 30.0)
     assert around.at(q, 11.0).of_part("arm")[0] == 31.0
     assert around.at(q, 29.0).payload[0] == 2.0

@@ -1,4 +1,4 @@
-"""Trajectories point by point: corrections, ramps, velocities, policy, what upstream sees."""
+"""Tests of trajectories point by point: corrections, ramps, velocities, policy, feedback."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_corrections_come_over_the_ramp_at_the_times_of_the_points() -> None:
     sent = trajectories.send(points(time=np.array([1.0, 2.0, 3.0, 5.0])), 0.0)
     np.testing.assert_allclose((sent.joint - Q)[:, 0] / DQ[0], [0.0, 0.5, 1.0, 1.0])
     assert sent.compensated
-    for now_s, share in ((0.5, 0.0), (1.5, 0.25), (3.0, 1.0)):  # what the drives have by then
+    for now_s, share in ((0.5, 0.0), (1.5, 0.25), (3.0, 1.0)):  # progress by that time
         trajectories.settle(now_s)
         np.testing.assert_allclose(path.nominal(Q), Q - share * DQ, atol=1e-15)
 
@@ -85,7 +85,7 @@ def test_a_point_that_fails_a_guard_passes_or_refuses_the_whole() -> None:
     with pytest.raises(DataError, match="point 1: outside the calibrated region"):
         holding.send(Points(TIME, joint), 0.0)
     assert path.counts[trajectory.REFUSED] == 1
-    np.testing.assert_array_equal(path.nominal(Q), Q)  # nothing went out
+    np.testing.assert_array_equal(path.nominal(Q), Q)  # nothing was sent
 
 
 def test_a_marked_trajectory_is_not_corrected_again() -> None:
@@ -96,7 +96,7 @@ def test_a_marked_trajectory_is_not_corrected_again() -> None:
 
 
 def test_velocities_bend_with_the_correction() -> None:
-    """The corrected path, differentiated by its own points, has the velocities that are sent."""
+    """The velocities sent are the derivative of the corrected path."""
     path = CommandPath(ramp_s=0.0)
     path.load(JointCompensator(calibration(errors(np.random.default_rng(2)))))
     path.enable(True)

@@ -1,4 +1,4 @@
-"""Watching a calibrated machine: no false alarm in a simulated year, and a change is seen."""
+"""Monitoring of a calibrated machine: no false alarm in a simulated year; a change is detected."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 
 SEED = 4
 DAY_NS = 86_400_000_000_000
-REST = 12e-6  # [rad] of the robot file
-ALIKE = 0.9  # correlation of a joint's rest error from visit to visit of a place
+REST = 12e-6  # [rad] from the robot file
+ALIKE = 0.9  # correlation of a joint's rest error between visits to a place
 COUNT = 20  # readings averaged at a stop
 
 
@@ -49,13 +49,13 @@ def calibration(robot: Robot, machine: TrueMachine) -> Calibration:
 
 @pytest.fixture(scope="module")
 def program(robot: Robot, machine: TrueMachine) -> Poses:
-    """Twelve places that the machine comes to every day."""
+    """Twelve places that the machine visits every day."""
     plan = make_plan("identify", robot, count=12, both_sides=False, seed=SEED + 1)
     return collect(simulate_session(machine, plan, SEED + 1), robot.joints.names)
 
 
 def repeated(program: Poses, visits: int) -> Poses:
-    """The program run so many times."""
+    """The program run `visits` times."""
     index = np.tile(np.arange(len(program)), visits)
     rows = ("joint", "command", "point", "count", "scatter", "direction", "travel")
     more = ("payload", "payload_centre", "temperature", "place", "repeat")
@@ -66,9 +66,9 @@ def repeated(program: Poses, visits: int) -> Poses:
 def days(
     machine: TrueMachine, robot: Robot, program: Poses, seed: int, count: int, visits: int = 2
 ) -> Iterator[Poses]:
-    """Readings of each day, the tracker and the reflector set up anew.
+    """Yield the readings of each day, with tracker and reflector set up again.
 
-    Rest errors of a place hang together from visit to visit and from day to day.
+    The rest errors of a place are correlated from visit to visit and from day to day.
     """
     rng = np.random.default_rng(seed)
     whole, n = repeated(program, visits), len(program)
@@ -100,7 +100,7 @@ def changed(machine: TrueMachine, name: str, by: float) -> TrueMachine:
 def test_a_year_without_a_change_keeps_the_stated_rate(
     machine: TrueMachine, robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
-    """Every third day of a year, by a rate of one a month: twelve are allowed."""
+    """Every third day of a year, at a rate of one alarm a month: twelve would be allowed."""
     vigil, alarms = Vigil(calibration, 1.0), 0
     for number, poses in enumerate(days(machine, robot, program, 1, 122, visits=1)):
         vigil.set_up()
@@ -129,7 +129,7 @@ def test_a_change_is_seen_within_days_and_stays(
     assert vigil.suspicion.changed
     assert vigil.suspicion.location in (None, "joint_2")
     assert seen < 12
-    for poses in days(machine, robot, program, 4, 1):  # an alarm is not taken back
+    for poses in days(machine, robot, program, 4, 1):  # an alarm is not withdrawn
         assert vigil.take(poses).changed
 
 
@@ -138,7 +138,7 @@ def test_a_tracker_that_is_moved_without_a_word_is_no_change(
 ) -> None:
     vigil = Vigil(calibration, 0.1)
     for number, poses in enumerate(days(machine, robot, program, 5, 8)):
-        if number % 2 == 0:  # on every second day nobody says that it stands elsewhere
+        if number % 2 == 0:  # on every second day the new set-up is not announced
             vigil.set_up()
         assert not vigil.take(poses).changed
 
@@ -169,7 +169,7 @@ def test_a_held_reading_is_not_looked_at(
 def test_a_calibration_that_wants_a_load_waits_until_it_is_known(
     robot: Robot, calibration: Calibration, program: Poses
 ) -> None:
-    """Without the payload nothing is foretold, and nothing is suspected."""
+    """Without the payload there is no prediction, and no alarm."""
     effect = effect_named("joint_compliance", robot, calibration.chain.mechanism, {})
     chain = calibration.chain.with_effects((effect,))
     size = chain.layout.size
@@ -195,7 +195,7 @@ def test_a_calibration_that_wants_a_load_waits_until_it_is_known(
         temperature=np.full((len(program), 1), 25.0),
     )
     vigil.take(replace(warm, temperature_parts=(), temperature=np.zeros((len(program), 0))))
-    vigil.take(warm)  # a sensor that comes later
+    vigil.take(warm)  # a sensor that appears later
     assert vigil.stops == 2 * len(program)
     assert np.isfinite(vigil.suspicion.odds)
 
@@ -211,7 +211,7 @@ def test_what_cannot_be_watched_is_refused(calibration: Calibration) -> None:
 
 
 def feed(watchman: Watchman, session: Session, now_s: float) -> None:
-    """Messages of a session as a node gets them."""
+    """Send the messages of a session as a node receives them."""
     for k in range(len(session.states.stamp_ns)):
         stamp = int(session.states.stamp_ns[k])
         watchman.add_tracker(stamp, session.tracker.position[k], None, now_s)

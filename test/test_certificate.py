@@ -1,4 +1,4 @@
-"""The certificate: what its files say, decisions, refusals."""
+"""Tests of the certificate: content of its files, decisions, refusals."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ ambient: {temperature_c: 21.4, u_temperature_k: 0.5}
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session, what is stated of it, and its certificate in all forms."""
+    """A session, the statements on it, and its certificate in all formats."""
     folder = tmp_path_factory.mktemp("certificate")
     made = ["--robot", "srbd", "--plan", "identify", "--seed", "3"]
     for count, name in ((30, "session"), (30, "renamed"), (32, "again")):
@@ -159,7 +159,7 @@ def test_what_is_not_stated_is_said_so(cell: Path) -> None:
 
 
 def test_what_is_stated_in_part_is_not_said_to_be_missing_altogether() -> None:
-    """A thermometer's uncertainty is worth nothing without the machine's expansion."""
+    """The uncertainty of a thermometer is useless without the machine's expansion."""
     about = read_about(None, {"ambient.u_temperature_k": 0.5, "instrument.u_along_um": 1.0})
     assert about.gaps == (
         "tracker across the beam, its certificate",
@@ -172,7 +172,7 @@ def test_what_is_stated_in_part_is_not_said_to_be_missing_altogether() -> None:
 def test_a_tolerance_that_is_not_met(
     cell: Path, tolerance: str, decision: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The option stands above the file; the certificate is written and the exit code is 1."""
+    """The option overrides the file; the certificate is written and the exit code is 1."""
     assert run(certify(cell, "about.yaml", "no.json", more=("--tolerance", tolerance))) == 1
     told = content(cell / "no.json")
     assert told["decision"] == decision
@@ -289,7 +289,7 @@ def test_another_ending_is_refused_before_any_work(
 def test_a_letter_that_the_font_lacks_is_refused(
     cell: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And the files of its fonts are closed then as well."""
+    """The files of its fonts are closed in this case as well."""
     made, new = [], pdf._new
     monkeypatch.setattr(pdf, "_new", lambda report: made.append(new(report)) or made[-1])
     assert run(certify(cell, None, "letters.pdf", more=("--operator", "\u5f20"))) == 2
@@ -299,7 +299,7 @@ def test_a_letter_that_the_font_lacks_is_refused(
 
 
 def test_decisions_by_the_standard() -> None:
-    """Uncertainty counts against either claim; at the limit itself it passes."""
+    """Uncertainty counts against either claim; a value at the limit passes."""
     error, u = np.array([0.5, 0.75, 0.8, 1.2, 1.3, np.nan]), 0.25
     found = decided(error, np.full(6, u), 1.0)
     pass_, fail, open_ = Decision.PASS, Decision.FAIL, Decision.NOT_DECIDED
@@ -339,7 +339,7 @@ def test_an_option_alone_is_checked() -> None:
 
 
 def test_positions_are_as_uncertain_from_the_file(cell: Path) -> None:
-    """Eight figures of the factor are enough where the covariance spans ten powers of ten."""
+    """Eight digits of the factor are sufficient for a covariance that spans ten powers of ten."""
     robot = load_robot("linear_delta")
     plan = make_plan("identify", robot, count=20, seed=1)
     session = simulate_session(draw_machine(robot, 1), plan, 1)

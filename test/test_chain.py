@@ -1,4 +1,4 @@
-"""The chain of measurement against a machine of six rods written apart from it."""
+"""Tests of the measurement chain against an independent six-rod machine."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def scattered(rng, scale=3.0):
 
 
 def test_readings_of_a_crooked_machine():
-    """All sixty errors by their names, a reflector 60 mm off, a turned tracker: to a nanometre."""
+    """All sixty errors by name, a reflector 60 mm off, a rotated tracker: to a nanometre."""
     rng = np.random.default_rng(1)
     errors, q = scattered(rng), workspace(30, rng)
     cell = Cell(SixRods(errors), (0.06, -0.03, 0.02))
@@ -150,7 +150,7 @@ def test_a_reflector_offset_is_a_translation_where_nothing_tilts():
 
 
 def test_a_reflector_offset_turns_with_a_platform_that_tilts():
-    """Unequal rods tilt by about d l / 2 c: 60 mm off, some micrometres a tenth of a mrad."""
+    """Unequal rods tilt by about d l / 2 c: 60 mm off, some micrometres per tenth of a mrad."""
     rng = np.random.default_rng(8)
     c, q = chain("six_rod_delta"), workspace(12, rng)
     g = c.mechanism.parameters.vector([("rod_mismatch_1", 1e-4)])

@@ -1,4 +1,4 @@
-"""Effects on the way from joints to reading: where they add, and what derivatives say of it."""
+"""Tests of effects between joints and reading: where they are added, and their derivatives."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OFFSET = np.array([0.06, -0.03, 0.02])
 FRAME = Frame.from_vector(np.array([0.3, -0.2, 1.9, -2.0, 1.0, 0.5]))
 CAUSES = [effect.cause for effect in catalogue(ROBOT, ROBOT.model())]
 ALL = [(model, cause) for model in MODELS for cause in (*CAUSES, "unexplained")]
-LOADED = {  # in proportion to loads
+LOADED = {  # proportional to loads
     "joint_compliance",
     "forearm_compliance",
     "dynamic_deflection",
@@ -43,7 +43,7 @@ SETTINGS = {
 
 
 def conditions(n: int = 10, seed: int = 1) -> Conditions:
-    """Half of the samples stand, half move; everything is known."""
+    """Half of the samples are at rest, half move; all conditions are known."""
     rng = np.random.default_rng(seed)
     moving = (np.arange(n) % 2)[:, None]
     return replace(
@@ -69,7 +69,7 @@ def effect(model: str, cause: str, **settings: object) -> Effect:
 
 
 def crooked(model: str, *effects: Effect, size: float = 1.0, seed: int = 2):
-    """A chain with a real machine's errors, and effects of typical sizes on it."""
+    """A chain with realistic errors, and effects of typical sizes."""
     chain, rng = Chain(ROBOT.model(model), OFFSET, 0.05, effects), np.random.default_rng(seed)
     p = chain.mechanism.parameters
     theta = chain.join(p.nominal + p.prior * rng.standard_normal(len(p)), OFFSET, FRAME)
@@ -79,10 +79,10 @@ def crooked(model: str, *effects: Effect, size: float = 1.0, seed: int = 2):
 
 
 def with_loads_kept(chain: Chain, at: Conditions, theta: np.ndarray):
-    """The chain's prediction by other theta, its effects under the loads that they bear at this.
+    """The chain's prediction at other theta, with the effects under the loads of this theta.
 
-    Derivatives of the chain are those of this: how loads change where the pose does is left out,
-    a thousandth of what the effect does.
+    The derivatives of the chain are those of this function. The change of the loads with the pose
+    is left out; it is a thousandth of the effect.
     """
     signals, (n, begin) = chain.signals(at, theta), (len(at), chain.layout.base.stop)
     alone, count = chain.with_effects(()), chain.layout.geometry_size
@@ -109,14 +109,14 @@ def with_loads_kept(chain: Chain, at: Conditions, theta: np.ndarray):
 
 
 def with_base_moved(chain: Chain, theta: np.ndarray, readings: np.ndarray, given: np.ndarray):
-    """Readings (n, 3) where the base is shifted and turned in its own axes, (n, 6)."""
+    """Readings (n, 3) after shifts and rotations of the base in its own axes, (n, 6)."""
     frame = chain.split(theta)[2]
     inside = frame.inverse().apply(readings)
     return frame.apply(inside + given[:, :3] + np.cross(given[:, 3:], inside))
 
 
 def displaced(chain: Chain, at: Conditions, theta: np.ndarray) -> float:
-    """Farthest that the effects move a reading [m]."""
+    """Largest displacement of a reading by the effects [m]."""
     alone = chain.with_effects(())
     moved = chain.predict(at, theta) - alone.predict(at, theta[chain.layout.base])
     return float(np.abs(moved).max())
@@ -129,7 +129,7 @@ def slope_of(function, theta: np.ndarray, column: int, step: float) -> np.ndarra
 
 @each_effect
 def test_the_jacobian_is_that_of_the_prediction(model: str, cause: str) -> None:
-    """In the effect's own values, about a machine with errors and the effect in it."""
+    """Derivative by the effect's values, for a machine with errors and the effect."""
     at = conditions()
     chain, theta = crooked(model, effect(model, cause))
     loaded = cause in LOADED
@@ -141,12 +141,12 @@ def test_the_jacobian_is_that_of_the_prediction(model: str, cause: str) -> None:
         slope = slope_of(predict, theta, column, step)
         scale = np.abs(slope).max()
         np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=1e-5 * scale + 1e-12)
-        if loaded:  # with what is left out of them
+        if loaded:  # including what is left out
             slope = slope_of(lambda t: chain.predict(at, t), theta, column, step)
             np.testing.assert_allclose(jacobian[..., column], slope, rtol=0, atol=1e-3 * scale)
     if chain.effects[0].stage is Stage.MEASUREMENT:
         theta[chain.layout.effects] = (
-            0.0  # its own part of the other slopes is left out: parts in 1e3
+            0.0  # its own part of the other derivatives is left out: 1e-3
         )
     jacobian = chain.jacobian(at, theta)
     for column in (*range(8), *range(chain.layout.offset.start, chain.layout.base.stop)):
@@ -156,7 +156,7 @@ def test_the_jacobian_is_that_of_the_prediction(model: str, cause: str) -> None:
 
 @pytest.mark.parametrize(("model", "cause"), [a for a in ALL if a[1] != "joint_zero_drift"])
 def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None:
-    """One more shift of the joints, the same for all samples; one more change of a dimension."""
+    """A further shift of the joints, equal for all samples; a further change of a dimension."""
     at = conditions()
     before = effect(model, cause)
     chain, theta = crooked(model, before, effect(model, "joint_zero_drift", step_at=0.0))
@@ -165,8 +165,8 @@ def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None
     by_joints, by_geometry = seen.by_joints, seen.jacobian[..., chain.layout.geometry]
     predicts = [(lambda t: chain.predict(at, t), 1e-7)]
     if cause in LOADED:
-        # Exact but for how loads change: what the effect itself does, times the share by which a
-        # dimension changes a load; the smallest levers are the half widths of the pairs, 0.04 m.
+        # Exact except for the change of loads: the effect itself times the fraction by which a
+        # dimension changes a load. The smallest levers are the half widths of the pairs, 0.04 m.
         own = theta * (np.arange(len(theta)) < len(theta) - 3)
         part = displaced(chain, at, own) / 0.02
         predicts = [(with_loads_kept(chain, at, theta), 1e-7), (predicts[0][0], part)]
@@ -181,7 +181,7 @@ def test_slopes_are_by_what_is_behind_the_drives(model: str, cause: str) -> None
 
 @each_effect
 def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: str) -> None:
-    """Joints, dimensions or reading of a chain that holds it alone."""
+    """Joints, dimensions or reading of a chain with this effect alone."""
     at = conditions()
     chain, theta = crooked(model, effect(model, cause))
     base = chain.layout.base.stop
@@ -202,14 +202,14 @@ def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: 
         np.testing.assert_allclose(zero[stage], without[stage], rtol=0, atol=1e-15)
         shift = one[stage] - zero[stage]
         assert (np.abs(shift).max() > 1e-6) == (stage == moved)
-        # Loads are those of the machine as it then stands: three times as far off, others.
+        # Loads are those of the displaced machine: three times as far, other loads.
         rounding = 1e-14 + (cause in LOADED) * 1e-3 * np.abs(3 * shift).max()
         np.testing.assert_allclose(three[stage] - zero[stage], 3 * shift, atol=rounding)
 
 
 @each_effect
 def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, cause) -> None:
-    """J dq or dx/dg dg of the machine by differences; a tracker's own error is not the robot's."""
+    """J dq or dx/dg dg of the machine by differences; a tracker error does not move the robot."""
     at = conditions()
     chain, theta = crooked(model, effect(model, cause))
     (one,) = chain.effects
@@ -218,9 +218,9 @@ def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, caus
     seen = chain.predict(at, theta) - alone.predict(at, bare)
     if one.stage is Stage.MEASUREMENT:
         np.testing.assert_array_equal(chain.pose(at, theta), alone.pose(at, bare))
-        assert not {*one.takes} & {*OF_JOINTS}  # whatever the joints are
+        assert not {*one.takes} & {*OF_JOINTS}  # independent of the joints
         return
-    shift, h = one.columns_of(chain.signals(at, theta)) @ v, 1e-6  # by the loads that it bears
+    shift, h = one.columns_of(chain.signals(at, theta)) @ v, 1e-6  # with the loads that it bears
     total = np.zeros_like(seen)
     if one.stage is Stage.BASE:
         still = alone.predict(at, bare)
@@ -237,7 +237,7 @@ def test_what_a_machine_does_is_seen_through_the_slopes_of_its_stage(model, caus
 
 
 def test_stages_follow_each_other_as_in_the_machine() -> None:
-    """Joints by what the encoders say, then dimensions, then the reading of what came of both."""
+    """Joints from the encoder values, then dimensions, then the reading that results from both."""
     at, model = conditions(), "six_rod_delta"
     causes = ("tracker_scale", "thermal_growth_arm", "backlash", "joint_scale")
     each = tuple(effect(model, cause) for cause in causes)
@@ -246,7 +246,7 @@ def test_stages_follow_each_other_as_in_the_machine() -> None:
     scale, alpha, gap, ratio = 4e-4, 3e-5, np.array([3e-4, 2e-4, 1e-4]), np.array([2e-3, 0, -1e-3])
     theta[chain.layout.effects] = [scale, alpha, *gap, *ratio]
     play = -gap / 2 * at.direction * np.clip(2 * at.travel / gap - 1, -1, 1)
-    joint = at.joint + play + ratio * at.joint  # both by the encoder: neither sees the other
+    joint = at.joint + play + ratio * at.joint  # both depend on the encoder: neither on the other
     point = []
     for q, celsius in zip(joint, at.temperature[:, 0], strict=True):
         longer = {f"arm_{leg}": alpha * 0.32 * (celsius - 20.0) for leg in (1, 2, 3)}
@@ -268,7 +268,7 @@ def test_stages_follow_each_other_as_in_the_machine() -> None:
 )
 @pytest.mark.parametrize("model", MODELS)
 def test_two_effects_add_in_either_order(model: str, one: str, other: str) -> None:
-    """At the same stage exactly; through different ones but for products of both."""
+    """Exactly at the same stage; through different stages except for products of both."""
     at, pair = conditions(), (effect(model, one), effect(model, other))
     chain, theta = crooked(model, *pair)
     turned, base = chain.with_effects(pair[::-1]), chain.layout.base.stop
@@ -300,7 +300,7 @@ def test_theta_holds_the_effects_in_their_order_behind_the_cell() -> None:
     assert [len(value) for value in values] == sizes
     np.testing.assert_array_equal(np.concatenate(values), theta[69:])
     typical = np.concatenate([e.parameters.prior for e in chain.effects])
-    np.testing.assert_allclose(chain.parameters.prior[69:], 5 * typical)  # it may well be so
+    np.testing.assert_allclose(chain.parameters.prior[69:], 5 * typical)  # five typical sizes
     g, offset, frame = chain.split(theta)
     bare = chain.join(g, offset, frame)
     np.testing.assert_allclose(bare[:69], theta[:69], atol=1e-14)
@@ -311,7 +311,7 @@ def test_theta_holds_the_effects_in_their_order_behind_the_cell() -> None:
 
 
 def test_out_of_reach_by_an_effect_is_its_own_row() -> None:
-    """An arm so warm that its machine cannot be assembled: the others still can."""
+    """An arm so warm that its machine cannot be assembled does not affect the other samples."""
     at = conditions()
     temperature = at.temperature.copy()
     temperature[3] = 1e6
@@ -324,7 +324,7 @@ def test_out_of_reach_by_an_effect_is_its_own_row() -> None:
 @pytest.mark.parametrize("cause", sorted(LOADED))
 @pytest.mark.parametrize("model", MODELS)
 def test_loads_are_those_of_the_machine_that_is_looked_at(model: str, cause: str) -> None:
-    """The same samples, looked at with other masses or in a machine with errors, and back."""
+    """The same samples with other masses, then in a machine with errors, and back."""
     heavy = replace(ROBOT, masses=replace(ROBOT.masses, platform=12.0))
     at = conditions()
     one, other = (EFFECTS[cause](robot, robot.model(model)) for robot in (ROBOT, heavy))

@@ -1,4 +1,4 @@
-"""The circle test: circles found and measured, causes with shares, repairs foretold."""
+"""Tests of the circle test: circles found and measured, shares of causes, predicted repairs."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def diagnosed(session: Session) -> CircleTest:
 
 
 def session_row(session: Session, row: int) -> int:
-    """The tracker's reading nearest in time to one on a path."""
+    """The tracker reading nearest in time to a row of the paths."""
     seen = survey(session, ROBOT.joints.names)
     assert session.tracker is not None
     time = (session.tracker.stamp_ns - seen.poses.start_ns) * 1e-9
@@ -69,7 +69,7 @@ def tracked(model: Model) -> np.ndarray:
 
 
 def mean_deviation(session: Session) -> float:
-    """Measured, with nothing but the geometry fitted."""
+    """Measured mean deviation, with only the geometry fitted."""
     model = calibrated(survey(session, ROBOT.joints.names), ROBOT)
     return float(np.mean([m.deviation for m in measured_circles(session, ROBOT, model)]))
 
@@ -130,7 +130,7 @@ def test_the_ways_up_to_the_feed_and_down_are_left_out() -> None:
 
 
 def test_deviation_and_hysteresis_are_those_of_the_standard() -> None:
-    """Of an oval G is twice its amplitude; a shifted centre and a wrong radius do not count."""
+    """G of an oval is twice its amplitude; a shifted centre and a wrong radius do not count."""
     there, back = circles_in(turned(TURN), turned(TURN[::-1]))
     out = np.stack([0 * there.angle, np.cos(there.angle), np.sin(there.angle)], axis=1)
     oval = 30e-6 * np.cos(2 * there.angle)[:, None] * out
@@ -169,7 +169,7 @@ def test_the_cause_is_named_and_shares_add_up(found: CircleTest) -> None:
 
 
 def test_dimensions_are_told_with_how_far_they_are_off(found: CircleTest) -> None:
-    """But for the tool: the reflector on it is farther off than its prior has it, and moves it."""
+    """Except for the tool: the reflector is farther off than its prior, and moves it."""
     machine = draw_machine(ROBOT, SEED, 1.0, PLAY)
     true = dict(zip(machine.chain.parameters.names, machine.theta, strict=True))
     nominal = {p.name: p.nominal for p in machine.chain.parameters.items}
@@ -181,7 +181,7 @@ def test_dimensions_are_told_with_how_far_they_are_off(found: CircleTest) -> Non
 
 
 def test_a_repair_is_foretold(found: CircleTest) -> None:
-    """The same machine in the simulator without the cause, and with parts as drawn."""
+    """Compared with the same simulated machine without the cause, and with nominal parts."""
     play, parts = ("backlash", "joint_2"), (DIMENSIONS, None)
     repaired = mean_deviation(session_of({}, seed=77))
     assert found.without(*play) == pytest.approx(repaired, rel=0.1)
@@ -193,7 +193,7 @@ def test_a_repair_is_foretold(found: CircleTest) -> None:
 
 
 def test_what_a_cause_does_to_a_part(found: CircleTest) -> None:
-    """A play draws the senses apart; dimensions do not."""
+    """Backlash separates the two directions; dimensions do not."""
     play, parts = found.part_error("backlash", "joint_2"), found.part_error(DIMENSIONS, None)
     assert play.senses > 100e-6
     assert parts.senses < 0.2 * play.senses
@@ -203,7 +203,7 @@ def test_what_a_cause_does_to_a_part(found: CircleTest) -> None:
 
 
 def test_every_reading_counts_but_outliers(session: Session, found: CircleTest) -> None:
-    """Those just after a joint has turned belong to the circle; a disturbed beam does not."""
+    """Readings just after a reversal belong to the circle; a disturbed beam does not."""
     for m in found.circles:
         assert len(m.radial) >= (355 if m.circle.feed < 0.1 else 118)
     assert session.tracker is not None
@@ -221,7 +221,7 @@ def test_every_reading_counts_but_outliers(session: Session, found: CircleTest) 
 
 
 def test_drives_that_do_not_follow_have_a_share(session: Session) -> None:
-    """The machine is where the encoders say; the command was elsewhere."""
+    """The machine is where the encoders indicate; the command was elsewhere."""
     assert session.command is not None
     stamp = session.command.stamp_ns
     late = np.stack(
@@ -236,7 +236,7 @@ def test_drives_that_do_not_follow_have_a_share(session: Session) -> None:
 
 
 def test_dimensions_that_circles_do_not_show_have_no_share_in_the_geometry() -> None:
-    """Of a machine as drawn; none is taken for the outlier, and nothing is divided by zero."""
+    """For a nominal machine; none is reported as outlier, and nothing is divided by zero."""
     machine = draw_machine(ROBOT, SEED, 0.0)
     session = simulate_session(machine, make_plan("circles", ROBOT), SEED)
     outlier = scatter_of(calibrated(survey(session, ROBOT.joints.names), ROBOT).beside).outlier
@@ -245,7 +245,7 @@ def test_dimensions_that_circles_do_not_show_have_no_share_in_the_geometry() -> 
 
 
 def clean_delta(seed: int) -> tuple[Model, tuple[Effect, ...]]:
-    """A machine without a cause, by its circles, and what could be tried."""
+    """A machine without a cause, measured by circles, and the effects that can be tried."""
     delta = load_robot("srbd")
     session = simulate_session(draw_machine(delta, seed), make_plan("circles", delta), seed)
     start = calibrated(survey(session, delta.joints.names), delta)
@@ -253,13 +253,13 @@ def clean_delta(seed: int) -> tuple[Model, tuple[Effect, ...]]:
 
 
 def test_the_reflector_is_on_the_floor_that_circles_show() -> None:
-    """36 stops prefer a floor 6 cm off, circles the one where it is, by 230 of chi square."""
+    """36 stops prefer a minimum 6 cm off; circles prefer the true one by a chi square of 230."""
     start, _ = clean_delta(1300018)
     assert np.abs(start.theta[start.layout.offset]).max() < 0.01
 
 
 def test_a_small_p_is_not_that_of_few_draws() -> None:
-    """Of 20 000 draws four leave neighbours as alike; some 200 say that one in a million does."""
+    """Four of 20 000 draws have neighbours as similar; some 200 would say one in a million."""
     session = simulate_session(draw_machine(ROBOT, 1400158), make_plan("circles", ROBOT), 1400158)
     start = calibrated(survey(session, ROBOT.joints.names), ROBOT)
     p = audit(start.beside, start.noise_degrees, np.random.default_rng(5)).p["moran_joints"]
@@ -267,7 +267,7 @@ def test_a_small_p_is_not_that_of_few_draws() -> None:
 
 
 def test_what_chance_explains_as_well_is_not_named() -> None:
-    """A give of a joint that came in for another cause foretells half of little, at p = 0.7."""
+    """A joint compliance that replaced another cause predicts half of little, at p = 0.7."""
     (start, every), rng = clean_delta(1200141), np.random.default_rng(0)
     effects = tuple(effect for effect in every if effect.cause == "joint_compliance")
     scan = scanned(start, effects, rng)

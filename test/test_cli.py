@@ -1,4 +1,4 @@
-"""The command line: verbs end to end on a simulated session, one clear line for each mistake."""
+"""Tests of the command line: verbs on a simulated session, one clear line per mistake."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def cell(tmp_path_factory):
 
 
 def line_of_error(capsys, arguments, code):
-    """The one line that a mistake is answered with."""
+    """The one line that is printed for a mistake."""
     assert run(arguments) == code
     text = capsys.readouterr().err.strip()
     assert "Traceback" not in text
@@ -74,7 +74,7 @@ def test_fit_says_what_it_found(cell, capsys):
 
 @pytest.mark.parametrize("method", ["apso", "newton"])
 def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method):
-    """Read back from the CSV and sent to the machine that the session was made of."""
+    """The commands are read from the CSV and sent to the machine of the session."""
     robot = load_robot(ROBOT)
     targets = make_plan("line", robot, count=9, both_sides=False).target
     points = write_points(cell / f"targets_{method}.csv", 1e3 * targets)
@@ -101,7 +101,7 @@ def test_compensated_commands_bring_the_true_machine_to_the_targets(cell, method
     nominal = make_plan("line", robot, count=9, both_sides=False).joint
 
     def shape_error(joints):
-        """Errors of the distances between points: free of the frame, the calibration's own."""
+        """Errors of the distances between points, independent of the calibration's frame."""
         reached = machine.tool_points(standing(joints))
         return np.abs(
             np.linalg.norm(reached[1:] - reached[0], axis=1)
@@ -226,7 +226,7 @@ def test_empty_bag(tmp_path, capsys):
 
 
 def session_of(names, scale=1.0):
-    """Standing still in a few places, one message a pose."""
+    """A session at rest in some places, one message per pose."""
     stamp = np.arange(40, dtype=np.int64) * 10**10
     joint = np.random.default_rng(0).uniform(0, 0.8, (40, 3))
     point = scale * np.random.default_rng(1).uniform(-1, 1, (40, 3)) + [3.0, 0, 0]
@@ -345,7 +345,7 @@ def test_effects_that_cannot_be_are_one_line_and_2(tmp_path, capsys, effect, sai
 
 
 def test_effects_are_in_the_session_that_is_written(tmp_path, capsys):
-    """The same seed: the same session twice, and it differs by the effects alone."""
+    """The same seed gives the same session, which differs by the effects only."""
     hidden = ["--effect", "backlash:value=3e-4", "--effect", "tracker_scale:value=5e-5"]
     arguments = ["simulate", "--robot", ROBOT, "--plan", "line", "--count", "9", "--seed", "4"]
     sessions = []

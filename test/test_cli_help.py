@@ -1,4 +1,4 @@
-"""Help and completion: every verb under its purpose, with an example that would be taken."""
+"""Tests of help and completion: every verb under its purpose, with a valid example."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def test_help_shows_every_verb_with_an_example(capsys: pytest.CaptureFixture[str
     ],
 )
 def test_help_and_completion_load_no_verb(call: str, told: str) -> None:
-    """What they tell of the verbs would take seconds with all that the verbs need."""
+    """Loading everything that the verbs need would take seconds."""
     code = (
         "import click, sys; from delta_calibration.cli.main import group, run;"
         f"{call}; sys.exit('numpy' in sys.modules)"
@@ -53,7 +53,7 @@ def test_help_and_completion_load_no_verb(call: str, told: str) -> None:
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_an_example_is_taken(verb: str) -> None:
-    """Its options and their values are sound; what they name need not be there."""
+    """Its options and values are valid; the files it names need not exist."""
     command = group.get_command(click.Context(group), verb)
     assert command is not None
     command.make_context(verb, EXAMPLES[verb].split())
@@ -78,7 +78,7 @@ def test_a_shell_can_read_its_script(shell: str, capsys: pytest.CaptureFixture[s
 
 
 def completed(*words: str) -> set[str]:
-    """What bash is offered for the last word."""
+    """Completions that bash is offered for the last word."""
     variables = {
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
@@ -104,7 +104,7 @@ def test_verbs_options_robots_and_causes_are_completed() -> None:
 
 @pytest.mark.parametrize(("begun", "kind"), [("s", "plain"), ("", "plain"), ("./my", "file")])
 def test_robots_are_names_or_files_never_both(begun: str, kind: str) -> None:
-    """The shell's script drops all names where a file is among them."""
+    """The shell script drops all names if there is a file among them."""
     context = click.Context(click.Command("fit"))
     assert {item.type for item in robots(context, click.Option(["--robot"]), begun)} == {kind}
 
@@ -116,7 +116,7 @@ def test_paragraphs_that_are_laid_out_stay_so() -> None:
 
 
 def test_simulate_says_the_causes_of_every_robot(capsys: pytest.CaptureFixture[str]) -> None:
-    """In the list at the end of its help, which has a line or more for each robot."""
+    """Listed at the end of its help, in one line or more per robot."""
     assert run(["simulate", "--help"]) == 0
     above, _, below = capsys.readouterr().out.partition("By robot:")
     listed: dict[str, set[str]] = {}

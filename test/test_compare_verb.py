@@ -1,4 +1,4 @@
-"""Drift of calibrations and verdicts, and the verbs `report` and `compare`."""
+"""Tests of the drift of calibrations and verdicts, and of the verbs `report` and `compare`."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def calibration() -> Calibration:
 
 
 def changed(calibration: Calibration, **by: float) -> Calibration:
-    """The calibration with every parameter whose name begins so changed by so much."""
+    """The calibration with all parameters changed whose names begin with these stems."""
     theta = calibration.theta.copy()
     for row, name in enumerate(calibration.chain.parameters.names):
         theta[row] += sum(value for stem, value in by.items() if name.startswith(stem))
@@ -39,7 +39,7 @@ def changed(calibration: Calibration, **by: float) -> Calibration:
 
 @pytest.fixture
 def verdicts(tmp_path: Path) -> list[Path]:
-    """Two verdicts, the play grown by half from the first to the second."""
+    """Two verdicts; the backlash grows by half from the first to the second."""
     data = found().verdict.as_dict()
     paths = [tmp_path / "may.json", tmp_path / "june.json"]
     paths[0].write_text(json.dumps(data))
@@ -54,12 +54,12 @@ def test_a_machine_has_not_moved_from_itself(calibration: Calibration) -> None:
 
 
 def test_a_base_mounted_higher_is_no_drift(calibration: Calibration) -> None:
-    """A rigid motion of all base joints is the tracker standing elsewhere."""
+    """A rigid motion of all base joints equals another position of the tracker."""
     assert shift(calibration, changed(calibration, base_height=1e-3))[1] < 1e-9
 
 
 def test_a_longer_arm_is_drift(calibration: Calibration) -> None:
-    """The platform's shift by 0.1 mm of one arm, from the three-sphere Delta, frame taken off."""
+    """Shift of the three-sphere Delta's platform by 0.1 mm of one arm, after fitting a frame."""
     rms, most = shift(calibration, changed(calibration, arm_1=0.1e-3))
     assert 0.01e-3 < rms < most < 0.3e-3
     twice = shift(calibration, changed(calibration, arm_1=0.2e-3))[0]
@@ -126,7 +126,7 @@ def test_compare_writes_pages_tables_and_numbers(
     said = capsys.readouterr().out
     assert "may" in said
     assert "june" in said
-    assert max(map(len, said.splitlines())) < 300  # the glossary's sentences are on the page
+    assert max(map(len, said.splitlines())) < 300  # the glossary's sentences are on the page only
     assert "Comparison of 2 verdicts" in page.read_text()
     assert set(json.loads((folder / "report.json").read_text())["verdicts"]) == {"may", "june"}
 
@@ -134,7 +134,7 @@ def test_compare_writes_pages_tables_and_numbers(
 def test_files_of_one_name_are_told_apart(
     verdicts: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """None takes another's place in the numbers; a file twice is a mistake."""
+    """None replaces another in the numbers; giving a file twice is a mistake."""
     other = tmp_path / "later" / verdicts[0].name
     other.parent.mkdir()
     other.write_bytes(verdicts[1].read_bytes())

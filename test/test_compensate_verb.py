@@ -1,4 +1,4 @@
-"""`delta-cal compensate` with a calibration that has effects in it."""
+"""Tests of `delta-cal compensate` with a calibration that contains effects."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ EFFECTS: Effects = {
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory):
-    """A fit, and the same with effects, as files beside the targets."""
+    """Files of a fit, of the same with effects, and of the targets."""
     folder = tmp_path_factory.mktemp("cell")
     plan = make_plan("identify", ROBOT, count=15, dwell=0.4, both_sides=False)
     poses = collect(simulate_session(draw_machine(ROBOT, 5), plan, 5), ROBOT.joints.names)
@@ -110,7 +110,7 @@ def test_a_temperature_that_is_none_is_refused(cell, capsys, text):
 
 
 def test_a_temperature_of_a_part_that_there_is_not_is_refused(cell, capsys):
-    """It was left out in silence, and a growth taken for none."""
+    """Earlier, it was ignored without a message, and the growth was taken as zero."""
     warm = ["--payload", "0", "--temperature", "arm=30"]
     assert run(arguments(cell, "all", *warm, "--temperature", "wing=30")) == 2
     said = capsys.readouterr().err
@@ -136,7 +136,7 @@ def test_columns_of_a_plan_are_said_to_be_left_out(cell, capsys):
 
 
 def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
-    """Half way through the margin half a correction is left out, and was left out unsaid."""
+    """Half way through the margin half of the correction is left out; earlier, silently."""
     made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
     way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
     beyond = made.region.outside(way)
@@ -152,13 +152,13 @@ def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
     assert said[1] == f"  point 2: 50 % of its correction, {left[1]:.3f} mm left by the model"
     assert said[2] == f"  point 3: 10 % of its correction, {left[2]:.3f} mm left by the model"
     assert said[-1] == f"  and 2 more: error_mm in {cell / 'plain.csv'}"
-    # what is left is what the error is without a correction, in proportion
+    # The remaining error is the error without a correction, in proportion.
     joint = nominal_joints(ROBOT, np.array([half, late]))
     there = made.chain.point(made.chain.mechanism.forward(joint, made.geometry), ROBOT.tool_offset)
     whole = 1e3 * np.linalg.norm(there - [half, late], axis=1)
     np.testing.assert_allclose(left[1:3], whole * [0.5, 0.9], rtol=0.02)
     assert left[1] > 0.05
-    commands(cell, "plain")  # inside all of it nothing is said
+    commands(cell, "plain")  # there is no message if all points are inside
     assert "margin" not in capsys.readouterr().err
 
 
@@ -173,7 +173,7 @@ def rows_of(path: Path) -> list[dict[str, str]]:
 
 
 def test_every_target_has_a_row_with_what_became_of_it(cell, capsys):
-    """Inside, in the margin, beyond it and out of reach: in their order, each told once."""
+    """Inside, in the margin, beyond it and out of reach: in order, each reported once."""
     made, margin = load_calibration(cell / "plain.yaml", ROBOT), ROBOT.limits.region_margin
     way = np.linspace(0.0, 0.8, 20001)[:, None] * [1.0, 0.0, 0.0] + [0.0, 0.0, -0.75]
     beyond = made.region.outside(way)
@@ -235,7 +235,7 @@ def test_joints_are_written_in_the_unit_asked_for(cell, capsys):
 
 
 def test_the_swarms_answer_is_never_worse_than_newtons(cell):
-    """It stopped within 0.1 um of the target, and was the method by default."""
+    """Earlier, it stopped within 0.1 um of the target, and was the default method."""
     assert run(arguments(cell, "plain")) == 0
     newton = [float(row["error_mm"]) for row in rows_of(cell / "plain.csv")]
     assert run([a if a != "newton" else "apso" for a in arguments(cell, "plain")]) == 0

@@ -30,10 +30,10 @@ UNIT = np.stack([np.cos(ETA), np.sin(ETA), 0 * ETA], axis=1)
 
 
 class ToyDelta:
-    """The paper's Delta as three spheres, written here so that nothing of the package is in it."""
+    """The paper's Delta as three spheres, written without any code of the package."""
 
     def __init__(self, rng: np.random.Generator | None = None) -> None:
-        """Take the nominal sizes, and errors as a real machine has them if there is an rng."""
+        """Take the nominal sizes, with realistic errors if there is an rng."""
         errors = np.zeros((6, 3)) if rng is None else rng.normal(size=(6, 3))
         self.base = (0.200 - 0.055) * UNIT + 2.5e-4 * errors[:3]
         self.arm = 0.320 + 1.5e-4 * errors[3]
@@ -45,7 +45,7 @@ class ToyDelta:
         return self.base + self.arm[:, None] * (np.cos(a) * UNIT - np.sin(a) * [0, 0, 1])
 
     def point(self, q: Array) -> Array:
-        """Lower of the two points at the rods' lengths from the elbows; NaN if there is none."""
+        """Lower of the two points at the rod lengths from the elbows; NaN if there is none."""
         e0, e1, e2 = np.moveaxis(self.elbows(q), -2, 0)
         a, b = e1 - e0, e2 - e0
         n = np.cross(a, b)
@@ -64,15 +64,15 @@ class ToyDelta:
         return np.linalg.solve(rods, np.sum(rods * turn, axis=-1)[..., None] * np.eye(3))
 
     def machine(self) -> IdentifiedMachine:
-        """The package's Delta of the same dimensions: what Newton's method works on."""
+        """The package's Delta with the same dimensions, for Newton's method."""
         cos, sin, none = np.cos(ETA), np.sin(ETA), np.zeros(3)
-        x, y, z = self.base.T  # of each leg, to be seen from its own frame
+        x, y, z = self.base.T  # of each leg, to be transformed to its own frame
         place = [cos * x + sin * y, cos * y - sin * x, z]
         legs = np.stack([*place, none, none, self.zero, self.arm + none, self.rod + none], axis=1)
         return of(load_robot("srbd").model("rotary_delta"), legs.ravel(), np.zeros(3))
 
     def inverse(self, p: Array) -> Array:
-        """Nominal machine, arms outward: A sin q + B cos q = C."""
+        """Inverse kinematics of the nominal machine, arms outward: A sin q + B cos q = C."""
         u, z = p @ UNIT.T, p[..., 2:]
         a, b = 2 * 0.320 * z, 2 * 0.320 * (0.145 - u)
         c = 0.850**2 - 0.145**2 - 0.320**2 - np.sum(p * p, axis=-1, keepdims=True) + 0.290 * u
@@ -89,7 +89,7 @@ def of(mechanism: Mechanism, geometry: Array, tool: Array) -> IdentifiedMachine:
 
 
 def task(name: str, model: str | None = None) -> tuple[IdentifiedMachine, Array, Array]:
-    """A robot's machine within its tolerances; commands, and what its drawing means by them."""
+    """A robot's machine within its tolerances; commands, and their nominal targets."""
     robot, rng = load_robot(name), np.random.default_rng(3)
     mechanism = robot.model(model)
     parameters, m = mechanism.parameters, mechanism.joints
@@ -108,7 +108,7 @@ OTHERS = [("srbd", "six_rod_delta"), ("scara", None), ("ur10", None), ("cdpr8", 
 
 
 def paper_line(n: int) -> Array:
-    """x = -y, z = -711 mm, |x| <= 450 mm."""
+    """The paper's line: x = -y, z = -711 mm, |x| <= 450 mm."""
     x = np.linspace(-0.45, 0.45, n)
     return np.stack([x, -x, np.full(n, -0.711)], axis=1)
 
@@ -145,7 +145,7 @@ def test_toy_and_machine_are_one() -> None:
 def test_papers_line_is_put_right(name: str, seed: int) -> None:
     toy = machine(seed)
     before = np.linalg.norm(toy.point(COMMANDS) - LINE, axis=1)
-    assert before.mean() > 2e-4  # there is something to put right
+    assert before.mean() > 2e-4  # there is something to correct
     result = SOLVERS[name](toy).correct(COMMANDS, LINE)
     after = np.linalg.norm(toy.point(COMMANDS + result.dq) - LINE, axis=1)
     assert result.converged.all()
@@ -222,7 +222,7 @@ def test_same_seed_same_answer_other_seed_another() -> None:
     np.testing.assert_allclose(first.dq, other.dq, atol=2e-6)
 
 
-# Bounds, and what cannot be reached
+# Bounds, and unreachable targets
 
 
 @pytest.mark.parametrize("name", SOLVERS)
@@ -245,7 +245,7 @@ def test_bound_is_never_exceeded(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "model"), OTHERS)
 def test_no_machine_goes_beyond_the_bound(name: str, model: str | None) -> None:
-    """Nor where the joints follow from the pose."""
+    """Nor if the joints follow from the pose."""
     made, q, target = task(name, model)
     most = load_robot(name).limits.correction
     needed = np.abs(Newton(made, NewtonSettings(bound_rad=most)).correct(q, target).dq).max(axis=1)
@@ -261,8 +261,8 @@ def test_no_machine_goes_beyond_the_bound(name: str, model: str | None) -> None:
 
 
 def test_swarm_finds_the_best_place_inside_the_bound() -> None:
-    # A machine p = 0.3 q, its bound 1 mrad on each joint, asked for (0.6, 0.15, 0) mm: best is
-    # dq = (1, 0.5, 0) mrad, 0.3 mm short along x.
+    # A machine p = 0.3 q with a bound of 1 mrad on each joint and the target (0.6, 0.15, 0) mm:
+    # the best is dq = (1, 0.5, 0) mrad, 0.3 mm short along x.
     solver = Apso(lambda q: 0.3 * q, ApsoSettings(bound_rad=1e-3))
     result = solver.correct(np.zeros((1, 3)), np.array([[6e-4, 1.5e-4, 0.0]]))
     np.testing.assert_allclose(result.dq, [[1e-3, 5e-4, 0.0]], atol=1e-6)
@@ -322,7 +322,7 @@ def test_particles_out_of_reach_do_no_harm(row: int) -> None:
 
 @pytest.mark.parametrize("name", SOLVERS)
 def test_nothing_in_reach(name: str) -> None:
-    """Rods of 0.1 m: the spheres about the elbows do not meet."""
+    """Rods of 0.1 m: the spheres about the elbows do not intersect."""
     toy = ToyDelta()
     toy.rod = np.full(3, 0.1)
     solver: Compensator = {
@@ -336,7 +336,7 @@ def test_nothing_in_reach(name: str) -> None:
     assert not result.converged.any()
 
 
-# Newton where it has no answer
+# Newton without a solution
 
 
 SCARA = load_robot("scara")
@@ -345,7 +345,7 @@ ARM = of(SCARA.commanded, SCARA.commanded.parameters.nominal, SCARA.tool_offset)
 
 @pytest.mark.parametrize("elbow", [0.0, 1e-12])
 def test_newton_stops_at_a_singular_jacobian(elbow: float) -> None:
-    """A stretched arm hardly moves along itself: it must not run to the bound for nothing."""
+    """A stretched arm hardly moves along itself; Newton must not run to the bound in vain."""
     q = np.array([[0.3, elbow]] * 2)
     place = ARM.point(q)
     result = Newton(ARM).correct(q, place * [[1.001], [0.999]])
@@ -364,7 +364,7 @@ def test_there_is_no_step_by_slopes_that_are_singular_or_not_finite(last: float)
 
 
 def test_newton_halves_a_step_that_overshoots() -> None:
-    """An elbow at 0.02 rad for a place at 0.2: by the slope it should open by a radian."""
+    """An elbow at 0.02 rad, a target at 0.2: by the derivative it would open by a radian."""
     q, target = np.array([[0.3, 0.02]]), ARM.point(np.array([[0.3, 0.2]]))
     settings = NewtonSettings(bound_rad=2.0, iterations=30)
     result = Newton(ARM, settings).correct(q, target)
@@ -388,7 +388,7 @@ def test_newton_begins_where_it_is_told() -> None:
 
 
 def test_with_more_joints_than_it_needs_a_step_is_the_shortest() -> None:
-    # p = (q1 + q2, q3, q4): of all ways to 2 mm along x the shortest shares it: 1 mrad each
+    # p = (q1 + q2, q3, q4): the shortest step for 2 mm along x is 1 mrad in each of the two.
     weights = np.array([[1.0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     target, step = np.array([2e-3, 0.0, 0.0]), np.zeros(4)
     step_of = backward_kernel._least_squares.py_func
@@ -398,11 +398,11 @@ def test_with_more_joints_than_it_needs_a_step_is_the_shortest() -> None:
 
 @pytest.mark.parametrize("row", [5, 10, 15, 20, 25])
 def test_swarm_crosses_a_jump(row: int) -> None:
-    """A joint that jumps over a gap, as at reversal with play: no command reaches inside it.
+    """A joint that jumps over a gap, as at a reversal with backlash: no command reaches inside it.
 
-    The target lies three quarters through the gap of joint 1. How near a point with joint 1 held
-    at the upper edge can come follows from J: with r the first row of its inverse, the other two
-    joints do what they can, and gap / 4 / |r| is left.
+    The target lies three quarters through the gap of joint 1. With joint 1 held at the upper edge,
+    the smallest distance follows from J: with r the first row of its inverse the other two joints
+    are optimal, and gap / 4 / |r| remains.
     """
     toy, q, gap = machine(7), COMMANDS[row : row + 1], np.array([2e-3, 0, 0])
 
@@ -420,7 +420,7 @@ def test_swarm_crosses_a_jump(row: int) -> None:
     assert not swarm.converged[0]
 
 
-# The swarm's equations, by hand
+# The swarm's equations, calculated by hand
 
 
 def diagonal_places(fractions: list[float], bound: float) -> Array:
@@ -451,8 +451,8 @@ def test_entropy_of_four_by_hand() -> None:
 
 
 def test_entropy_is_along_the_diagonal_of_the_box_and_of_each_swarm_alone() -> None:
-    # (b, -b, 0) projects on the middle like the centre does: bin 2 of 4 for all, E = 0.
-    # Corners of the diagonal fall in the first and the last bin: E = ln 2 / ln 4 = 1/2.
+    # (b, -b, 0) projects onto the middle like the centre: bin 2 of 4 for all, E = 0. Corners of
+    # the diagonal are in the first and the last bin: E = ln 2 / ln 4 = 1/2.
     across = np.array([[1.0, -1.0, 0.0, 1.0], [-1, 1, 0, 0], [0, 0, 0, -1]])
     corners = np.array([[1.0, -1.0, 1.0, -1.0]] * 3)
     entropy = swarm_entropy(np.stack([across, corners], axis=1), 1.0)
@@ -475,7 +475,7 @@ def test_search_can_be_watched_and_contracts() -> None:
     result = Apso(toy.point).correct(COMMANDS[:6], LINE[:6], watch=steps.append)
     assert [step.iteration for step in steps] == list(range(len(steps)))
     np.testing.assert_array_equal(steps[0].rows, np.arange(6))
-    assert len(steps[-1].rows) < 6  # those that are done drop out
+    assert len(steps[-1].rows) < 6  # converged ones drop out
     count = np.zeros(6, dtype=int)
     for step in steps:
         count[step.rows] += ApsoSettings().particles

@@ -1,4 +1,4 @@
-"""Corrected commands bring a machine of six rods, written apart, to its targets."""
+"""Corrected commands bring an independent six-rod machine to its targets."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from six_rods import Cell, SixRods, drawing_joints, workspace
 
 ROBOT = load_robot("srbd")
 METHODS = ("newton", "apso")
-# Off the line, so that a frame is fixed by what lies about it too.
+# Points off the line, which also help to determine a frame.
 SPREAD = np.array([[x, y, z] for x in (-0.3, 0.3) for y in (-0.3, 0.3) for z in (-0.8, -0.65)])
 
 
@@ -36,7 +36,7 @@ def line(n):
 
 
 def calibration(wrong, robot=ROBOT, reach=0.66):
-    """The truth itself as the calibration, over a cylinder."""
+    """A calibration with the true parameters, over a cylinder."""
     mechanism = robot.model("six_rod_delta")
     chain = Chain(mechanism, np.zeros(3), 0.05)
     theta = chain.join(mechanism.parameters.nominal, np.zeros(3), Frame.identity())
@@ -68,7 +68,7 @@ def test_a_compensated_machine_goes_where_the_drawing_meant(method, seed):
     assert set(done.verdicts) == {CommandStatus.CORRECTED}
     assert before.mean() > 2e-4
     assert after.max() < 1e-6
-    np.testing.assert_allclose(done.model_error, after, atol=1e-9)  # the model is the truth here
+    np.testing.assert_allclose(done.model_error, after, atol=1e-9)  # the model is exact here
     np.testing.assert_array_equal(done.joint, q + done.correction)
     assert (done.evaluations > 0).all()
     assert np.abs(done.correction).max() <= ROBOT.limits.correction
@@ -143,13 +143,13 @@ def test_stretched_legs_are_singular():
 
 
 def test_what_the_drawing_cannot_assemble_is_out_of_reach():
-    """One arm folded inward: three elbows nearly on one line, on a circle too wide for rods."""
+    """One arm folded inward: three elbows nearly collinear, on a circle too wide for rods."""
     wide = replace(ROBOT, joints=replace(ROBOT.joints, upper=np.full(3, np.pi)))
     assert verdict([3.0, 0.0, 0.0], robot=wide) is CommandStatus.OUT_OF_REACH
 
 
 def test_a_correction_beyond_a_joints_limit_is_none():
-    """The command is within the limit by 0.1 mrad, what would put it right is not."""
+    """The command is within the limit by 0.1 mrad, the corrected one is not."""
     wrong = {f"joint_zero_{leg}": -1e-3 for leg in (1, 2, 3)}
     q = drawing_joints(np.array([[0.0, 0.0, -0.8]]))
     joints = replace(ROBOT.joints, upper=q[0] + 1e-4)
@@ -190,7 +190,7 @@ def test_wrong_method_is_refused():
 
 
 def test_tool_points_are_those_of_the_base_the_tracker_stands_before():
-    """A known reflector 60 mm off the tool, seen from a turned tracker: back in the base."""
+    """A known reflector 60 mm off the tool, seen by a rotated tracker, converted to the base."""
     rng = np.random.default_rng(8)
     wrong, q = errors(rng), workspace(20, rng)
     cell = Cell(SixRods(wrong), (0.06, -0.02, 0.03))
@@ -202,7 +202,7 @@ def test_tool_points_are_those_of_the_base_the_tracker_stands_before():
 
 
 def identified(cell, q, rng):
-    """A calibration as a cell makes it: from noisy readings of a machine nobody knows."""
+    """A calibration as in a cell, from noisy readings of an unknown machine."""
     found = identify(cell.measure(np.repeat(q, 2, axis=0), rng), ROBOT)
     return Calibration(
         robot=ROBOT,
@@ -219,9 +219,10 @@ def identified(cell, q, rng):
 
 @pytest.mark.parametrize("seed", [9, 10])
 def test_an_unknown_machine_is_better_after_its_calibration(seed):
-    """Tens of micrometres at least before, in the most flattering frame; noise after.
+    """Before: tens of micrometres at least in the best-fitting frame; after: noise.
 
-    What is left is also judged without any frame of the package: distances between points.
+    The remaining error is also evaluated without any frame of the package, by distances between
+    points.
     """
     rng = np.random.default_rng(seed)
     cell = Cell(SixRods(errors(rng)), tuple(2e-3 * rng.standard_normal(3)))

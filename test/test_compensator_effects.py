@@ -1,7 +1,7 @@
-"""Compensation by an extended calibration, against computations that know nothing of it.
+"""Tests of compensation by an extended calibration, against independent computations.
 
-scipy's root on the chain run forward; loads by the energy of a machine of six rods written apart;
-growth as a longer arm of that machine; play and lag by hand.
+These are: scipy's root on the forward chain; loads by the energy of an independent six-rod
+machine; growth as a longer arm of that machine; backlash and lag by hand.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def standing(q: np.ndarray) -> Conditions:
 
 
 def calibration(*causes: str, model: str | None = None, scatter: float = 1.0) -> Calibration:
-    """A machine `scatter` times its tolerances off, with effects of the sizes above."""
+    """Calibration of a machine with `scatter` times its tolerances, and effects as above."""
     mechanism = ROBOT.model(model)
     effects = tuple(effect_named(c, ROBOT, mechanism, CASES[c][0]) for c in causes)
     chain = Chain(mechanism, np.zeros(3), 0.05, effects)
@@ -92,13 +92,13 @@ def with_values(made: Calibration, values: object) -> Calibration:
 
 
 def missed(made: Calibration, at: Conditions, joint: np.ndarray) -> np.ndarray:
-    """Tool of the whole chain at told joints less what the drawing means, (n, 3) [m]."""
+    """Tool of the whole chain at joint readings minus the nominal position, (n, 3) [m]."""
     told = replace(at, joint=joint)
     return made.chain.predict(told, made.theta) - SixRods().point(at.joint)
 
 
 def by_root(made: Calibration, at: Conditions, row: int) -> np.ndarray:
-    """The command that brings the whole chain to where the drawing means."""
+    """The command that brings the whole chain to the nominal position."""
     here = at.take(slice(row, row + 1))
     found = root(lambda q: 1e3 * missed(made, here, q[None])[0], at.joint[row], tol=1e-13)
     assert np.abs(found.fun).max() < 1e-9
@@ -121,7 +121,7 @@ def test_the_whole_chain_ends_where_the_drawing_means(causes: tuple[str, ...], m
     expected = [by_root(made, at, row) for row in range(len(Q))]
     np.testing.assert_allclose(done.joint, expected, atol=5e-7)
     bare = JointCompensator(calibration(model=model)).compensate(Q).joint
-    assert np.abs(missed(made, at, bare)).max() > 5e-6  # without the effects it is not there
+    assert np.abs(missed(made, at, bare)).max() > 5e-6  # the effects matter
 
 
 def test_the_swarm_goes_through_the_stages_as_newton_does() -> None:
@@ -144,16 +144,14 @@ def test_a_play_is_taken_back_by_half_the_gap_on_the_side_it_is_on() -> None:
     for direction in ([1, 1, 1], [-1, -1, -1], [1, -1, 0], [0, 0, 0]):
         at = replace(conditions(Q), direction=np.tile(np.array(direction, float), (len(Q), 1)))
         done = compensated(made, at)
-        assert set(done.verdicts) == {
-            CommandStatus.CORRECTED
-        }  # none is no reason to correct nothing
+        assert set(done.verdicts) == {CommandStatus.CORRECTED}  # also without a side
         np.testing.assert_allclose(
             done.correction, np.tile(gap / 2 * direction, (len(Q), 1)), atol=1e-9
         )
 
 
 def test_the_correction_itself_takes_the_joint_across_its_play() -> None:
-    """A play of 0.3 mrad, 0.05 mrad after the turn: the *corrected* command has gone 0.35."""
+    """Backlash of 0.3 mrad, 0.05 mrad after reversal: the *corrected* command has moved 0.35."""
     made = calibration("backlash", scatter=0.0)
     (effect,) = made.chain.effects
     fitted = effect.refined(np.full(3, 3e-4))
@@ -172,7 +170,7 @@ def test_a_lag_is_led_by_its_time_at_the_speed_of_the_command() -> None:
 
 
 def potential(q: np.ndarray, payload: float) -> float:
-    """Energy of weight [J]: half of each rod goes with the platform, half with its elbow."""
+    """Potential energy [J]: half of each rod moves with the platform, half with its elbow."""
     carried = 1.2 + 6 * 0.18 / 2 + payload
     arm = 1.6 * 0.45 * 0.32 + 2 * 0.18 / 2 * 0.32
     return float(9.80665 * (carried * SixRods().point(q[None])[0, 2] - arm * np.sin(q).sum()))
@@ -181,7 +179,7 @@ def potential(q: np.ndarray, payload: float) -> float:
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("payload", [0.0, 3.0])
 def test_a_drive_is_told_more_by_what_its_load_turns_it(payload: float, model: str) -> None:
-    """told = q + tau(q) / k, with tau = dU/dq where the arm stands."""
+    """Command q + tau(q) / k, with tau = dU/dq at the arm's actual position."""
     stiffness = np.array([2e4, 3e4, 4e4])
     made = with_values(calibration("joint_compliance", model=model, scatter=0.0), 1 / stiffness)
     at = replace(standing(Q), payload=np.full(len(Q), payload))
@@ -206,9 +204,10 @@ def test_a_warm_arm_is_a_longer_arm(celsius: float) -> None:
 
 @pytest.mark.parametrize("size", [40e-6, -40e-6])
 def test_a_clearance_is_taken_back_or_left_open_by_its_own_size_at_most(size: float) -> None:
-    """A correction may turn the sign of a rod's force, and then there can be no command for it.
+    """A correction may change the sign of a rod's force; then there may be no solution.
 
-    Here that is so for the negative clearance only, which no joint has, over a tenth of a mrad.
+    Here this happens for the negative clearance only, which no real joint has, over a tenth of a
+    mrad.
     """
     made = calibration(model="rotary_delta")
     effect = effect_named("ball_joint_clearance", ROBOT, made.chain.mechanism, {})
@@ -217,7 +216,7 @@ def test_a_clearance_is_taken_back_or_left_open_by_its_own_size_at_most(size: fl
     )
     q = np.linspace([0.619, 0.0, 0.0], [0.623, 0.0, 0.0], 400)
     at = standing(q)
-    assert np.ptp(effect.columns(at), axis=0).max() == 2  # pulled, then pushed
+    assert np.ptp(effect.columns(at), axis=0).max() == 2  # in tension, then in compression
     done = JointCompensator(made).compensate(q, at)
     assert set(done.verdicts) == {CommandStatus.CORRECTED}
     after = np.linalg.norm(missed(made, at, done.joint), axis=1)
@@ -258,7 +257,7 @@ def test_without_a_condition_that_the_model_needs_nothing_is_corrected(
         assert done.missing == said
         np.testing.assert_array_equal(done.joint, Q)
         assert np.isinf(done.model_error).all()
-    # each command for itself: the first is known, the third is no command
+    # Each command is treated separately: the first is known, the third is no command.
     mixed = replace(stale, payload=at.payload.copy(), temperature=at.temperature.copy())
     mixed.payload[1:], mixed.temperature[1:] = np.nan, np.nan
     q = Q.copy()
@@ -314,13 +313,13 @@ def test_effects_of_no_size_are_no_effects() -> None:
 
 @dataclass(frozen=True)
 class Yielding(Effect):
-    """Drives that yield the more the lower the tool is, within a tenth of a millimetre."""
+    """Drives that yield more the lower the tool is, within a tenth of a millimetre."""
 
     cause: ClassVar[str] = "yielding_drive"
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     takes: ClassVar[tuple[str, ...]] = (POSE,)
-    height: float = 0.0  # [m] about which it is
+    height: float = 0.0  # [m] centre of the transition
 
     @property
     def parameters(self) -> Any:
@@ -337,8 +336,10 @@ class Yielding(Effect):
 
 @pytest.mark.parametrize(("size", "settles"), [(1e-4, True), (1e-3, False)])
 def test_effects_that_do_not_settle_get_no_correction(size: float, settles: bool) -> None:
-    """Each round turns the drives by up to 1 mrad, and that moves the tool by three times the
-    0.1 mm over which they yield: the rounds swing between two poses, either as good as the other.
+    """Iterations may alternate between two equally good poses.
+
+    Each one turns the drives by up to 1 mrad, which moves the tool by three times the 0.1 mm over
+    which they yield.
     """
     made = calibration(model="rotary_delta", scatter=0.3)
     q, mechanism = np.full((1, 3), 0.2), made.chain.mechanism

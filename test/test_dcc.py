@@ -1,7 +1,7 @@
-"""The Digital Calibration Certificate: its structure by PTB's schema 3.3.0, refusals, its numbers.
+"""Tests of the Digital Calibration Certificate: structure by PTB's schema 3.3.0, refusals, values.
 
-The schema itself is PTB's and is not in this repository. What it says of the elements that are
-written (in which order, which must be there, which values) is put down here from its text.
+The schema itself is PTB's and is not in this repository. Its requirements for the elements that
+are written (order, required ones, permitted values) are stated here from its text.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ instrument: {model: tracker, serial: LT-1, certificate: C-1, u_along_um: 1, u_ac
 ambient: {temperature_c: 21.4, u_temperature_k: 0.5, humidity_percent: 40}
 """
 
-# element: its children in order; ! must be there, * may be there several times
+# element: its children in order; ! required, * may be repeated
 MODEL = {
     "digitalCalibrationCertificate": "administrativeData! measurementResults!",
     "administrativeData": "dccSoftware! coreData! items! calibrationLaboratory! respPersons! "
@@ -96,7 +96,7 @@ VALUES = {
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A session, what is stated of it, and its certificate."""
+    """A session, the statements on it, and its certificate."""
     folder = tmp_path_factory.mktemp("dcc")
     made = ["--robot", "srbd", "--plan", "identify", "--seed", "3", "--count", "30"]
     assert run(["simulate", *made, "--out", str(folder / "session")]) == 0
@@ -190,7 +190,7 @@ def test_its_numbers_are_those_of_the_json(cell: Path) -> None:
 
 
 def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """All that is missing, at once; nothing of it is written."""
+    """Everything that is missing is listed at once; nothing is written."""
     (cell / "bare.yaml").write_text("number: K-15\n", encoding="utf-8")
     files = [cell / f"certificate.{kind}" for kind in ("xml", "json")]
     before = [file.read_bytes() for file in files]
@@ -203,7 +203,7 @@ def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixt
 
 
 def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:
-    """As people write it in YAML, without quotes; else a table without dates is of 1970."""
+    """A date as usual in YAML, without quotes; without it a table without dates is of 1970."""
     (cell / "day.yaml").write_text(f"{ABOUT}measured_on: 2026-11-24\n", encoding="utf-8")
     assert certificate(cell, "day.yaml") in (0, 1)
     root = ElementTree.parse(cell / "certificate.xml").getroot()
@@ -220,7 +220,7 @@ def test_a_country_is_two_letters(cell: Path, capsys: pytest.CaptureFixture[str]
     assert "laboratory.country" in capsys.readouterr().err
 
 
-# A schema of our own with the namespaces of PTB's: one element, and one that it imports.
+# A minimal schema with PTB's namespaces: one element, and one that it imports.
 OUTER = """\
 <xs:schema xmlns:xs="http://www.w3.org/2001/XMLSchema" targetNamespace="https://ptb.de/dcc"
     xmlns:si="https://ptb.de/si" elementFormDefault="qualified">
@@ -244,7 +244,7 @@ INNER = """\
 def test_it_is_checked_by_a_schema_that_is_given(
     cell: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Imports are found in the folder by what they define, not fetched."""
+    """Imports are found in the folder by their namespace, not downloaded."""
     folder = cell / "schema"
     (folder / "si").mkdir(parents=True)
     (folder / "si" / "units.xsd").write_text(INNER, encoding="utf-8")

@@ -1,4 +1,4 @@
-"""URDF against the mechanisms: read back by a reader of its own, chains closed at many poses."""
+"""Tests of URDF against the mechanisms: an independent reader, chains closed at many poses."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ CUBE_CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 
 
 
 def joints_of(robot: Robot, count: int = 25) -> np.ndarray:
-    """Nominal joints over the workspace, and of a body on cables turned about as well."""
+    """Nominal joints over the workspace; a platform on cables is also rotated."""
     return make_plan("identify", robot, count=count, both_sides=False, seed=2).joint
 
 
 def identified(robot: Robot, model: str | None = None) -> Calibration:
-    """A calibration of a machine drawn five times as crooked as its tolerances say."""
+    """A calibration of a machine with errors of five times its tolerances."""
     mechanism = robot.model(model)
     drawn, rng = mechanism.parameters, np.random.default_rng(4)
     size = np.where(np.isfinite(drawn.prior), drawn.prior, 0.0)
@@ -51,7 +51,7 @@ def values_at(skeleton: Skeleton, q: np.ndarray) -> list[dict[str, float]]:
 
 
 def ends_of(robot: Robot, skeleton: Skeleton) -> dict[str, np.ndarray]:
-    """Where on the platform each strut ends by the drawing's parameters, (3,) [m]."""
+    """Ends of the struts on the platform by the geometric parameters, (3,) [m]."""
     model = skeleton.mechanism
     given = dict(zip(model.parameters.names, skeleton.geometry, strict=True))
     if model.name == "six_rod_delta":
@@ -96,7 +96,7 @@ def test_both_ends_of_every_strut_meet_the_platform(name: str, crooked: bool) ->
 
 
 def tip_of(file: Urdf, skeleton: Skeleton, strut: str, values: dict[str, float]) -> np.ndarray:
-    """Far end of a strut in the file: as long as the file draws it, or where a cable ends."""
+    """Far end of a strut in the file: at the drawn length, or the end of a cable."""
     if f"end_{strut}" in file.links:
         return file.place(f"end_{strut}", values)[:3, 3]
     length = next(s.length for s in skeleton.struts if s.name == strut)
@@ -104,7 +104,7 @@ def tip_of(file: Urdf, skeleton: Skeleton, strut: str, values: dict[str, float])
 
 
 def test_the_srbd_is_the_contract_s() -> None:
-    """Dimensions, senses and legs as the robot's description in words has them, in mm."""
+    """Dimensions, directions and legs as in the robot's specification, in mm."""
     robot = load_robot("srbd")
     skeleton = describe(robot)
     file = Urdf(urdf(skeleton.tree))
@@ -131,7 +131,7 @@ def test_the_srbd_is_the_contract_s() -> None:
 
 
 def test_a_wrong_passive_value_opens_the_chain() -> None:
-    """The check above can fail: a thousandth of a radian is seen at the far end of a rod."""
+    """The check above can fail: 1 mrad is visible at the far end of a rod."""
     robot = load_robot("srbd")
     skeleton = describe(robot)
     file, q = Urdf(urdf(skeleton.tree)), joints_of(robot)[:1]

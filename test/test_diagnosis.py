@@ -1,4 +1,4 @@
-"""The whole diagnosis: its verdict's form, its files, its honesty on poor and spoilt sessions."""
+"""Tests of the whole diagnosis: form of the verdict, files, poor and damaged sessions."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def verdict(session: Session):
 
 @pytest.fixture(scope="module")
 def hidden():
-    """A play of a real size, seen from both sides; no motion, so that it is quick."""
+    """Backlash of a realistic size, approached from both sides; without motion, to be fast."""
     return hide({"backlash": 1.0}, SEED, "still")
 
 
@@ -49,7 +49,7 @@ def found(hidden):
 
 
 def at_stops(session: Session, change) -> Session:
-    """The session with the readings of each still moment changed by `change(number, points)`."""
+    """The session with the readings of each stop changed by `change(number, points)`."""
     poses = survey(session, ROBOT.joints.names).poses
     time = (session.tracker.stamp_ns - poses.start_ns) * 1e-9
     position = session.tracker.position.copy()
@@ -60,7 +60,7 @@ def at_stops(session: Session, change) -> Session:
 
 
 def test_the_cause_is_named_with_values_and_gain(hidden, found) -> None:
-    """At rest alone play and presliding are one class: their columns are the same."""
+    """At rest alone backlash and presliding are one class: their columns are the same."""
     first = found.verdict.findings[0]
     assert "backlash" in (first.cause, *first.equivalents)
     assert first.gain > 0.9
@@ -68,7 +68,7 @@ def test_the_cause_is_named_with_values_and_gain(hidden, found) -> None:
     assert first.confidence > 0.9
     values = [e.value for e in first.parameters.values()]
     true = list(hidden.hidden.values["backlash"].values())
-    scale = 1.0 if first.cause == "backlash" else 2.0  # half the gap is what sticks
+    scale = 1.0 if first.cause == "backlash" else 2.0  # the friction is half the gap
     np.testing.assert_allclose(np.array(values) * scale, true, rtol=0.1)
     assert found.verdict.extended.held_out_rms_mm < 1.3 * found.verdict.noise_mm
 
@@ -134,7 +134,7 @@ def test_a_tracker_that_slipped_once_is_told_as_that() -> None:
 def test_what_is_always_fitted_is_named_beyond_its_priors(
     effect: str, cause: str, parameters: int, tmp_path: Path
 ) -> None:
-    """Parts off by four times their tolerances; a reflector 0.3 m from where it should be."""
+    """Parts off by four times their tolerances; a reflector 0.3 m from its nominal position."""
     out = tmp_path / "session"
     assert (
         run(
@@ -164,8 +164,10 @@ def test_what_is_always_fitted_is_named_beyond_its_priors(
 
 
 def test_strong_causes_are_named_though_they_drew_the_reflector_away() -> None:
-    """Compliance and clearance of twice their usual size; the geometry alone puts the reflector
-    180 mm off its place, about which nothing is linear that would name them.
+    """Compliance and clearance of twice their usual size.
+
+    The geometry alone puts the reflector 180 mm off; about that position no linear model would
+    name them.
     """
     machine = draw_machine(ROBOT, 2, 1.0, [(name, {"strength": "2"}) for name in STRONG])
     plan = make_plan("rich", ROBOT, seed=2)
@@ -279,7 +281,7 @@ def test_wrong_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
 def test_columns_stand_in_line_whatever_the_joints_are_called(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """With the robot's names of its joints, and each thing that was tried once."""
+    """With the robot's joint names, and each candidate listed once."""
     session = Path(__file__).parents[1] / "bags" / "linear_delta_plain"
     assert run(["diagnose", str(session), "--robot", "linear_delta", "-v"]) == 0
     head, *rows = capsys.readouterr().out.split("\n\n")[-1].splitlines()
@@ -292,7 +294,7 @@ def test_columns_stand_in_line_whatever_the_joints_are_called(
 
 
 def test_names_are_sought_without_maps_that_foretell_nothing(hidden, monkeypatch) -> None:
-    """A map follows what it has seen better than a cause; it is refused, and not the cause."""
+    """A map fits the data better than a cause; the map is rejected, and not the cause."""
     sought = judge.find
 
     def with_a_map(start, effects, rng, begin=(), gone=()):

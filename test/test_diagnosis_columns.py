@@ -1,4 +1,4 @@
-"""Columns kept as products do what the same columns do once they are multiplied out."""
+"""Columns kept as products give the same results as the multiplied columns."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ N, D, M = 14, 3, 4
 
 
 def multiplied(columns: Product) -> np.ndarray:
-    """m phi, (d n, F m)."""
+    """The product m phi, (d n, F m)."""
     every = np.einsum("ndm,nf->ndfm", columns.moved, columns.functions)
     return every.reshape(len(columns.moved) * columns.moved.shape[1], -1)
 
 
 @pytest.fixture(name="kinds")
 def kinds_fixture() -> list[tuple[object, np.ndarray]]:
-    """Columns of every kind, with what they are when multiplied out."""
+    """Columns of every kind, with their multiplied form."""
     rng = np.random.default_rng(4)
     moved, other = rng.standard_normal((2, N, D, M))
     one, two = (Product(moved, rng.standard_normal((N, count))) for count in (5, 2))
@@ -80,7 +80,7 @@ def test_products_are_those_of_the_columns(kinds) -> None:
 
 @cache
 def fit_of(name: str) -> Model:
-    """To a session with motions, whose readings share errors."""
+    """Fit to a session with motions, whose readings share errors."""
     robot = load_robot(name)
     plan = make_plan("rich", robot, count=20, seed=3)
     session = simulate_session(draw_machine(robot, 3), plan, 3)
@@ -88,7 +88,7 @@ def fit_of(name: str) -> Model:
 
 
 def evidence_of(name: str) -> LinearizedModel:
-    """The evidence of that fit."""
+    """Evidence of that fit."""
     return fit_of(name).evidence
 
 
@@ -115,7 +115,7 @@ def test_a_fit_that_set_nothing_aside_is_that_to_everything() -> None:
 
 
 def test_a_map_beside_the_geometry_is_there_as_its_columns_would_be() -> None:
-    """Never multiplied out: products, values, draws, degrees of freedom, parts of samples."""
+    """Without multiplication: products, values, draws, degrees of freedom, subsets of samples."""
     evidence = evidence_of("five_axis")
     effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
     mapped = next(group[0] for group in maps(evidence, effect))
@@ -138,7 +138,7 @@ def test_a_map_beside_the_geometry_is_there_as_its_columns_would_be() -> None:
 
 @pytest.mark.parametrize("name", ["srbd", "five_axis"])
 def test_maps_and_names_together_have_the_information_of_their_columns(name: str) -> None:
-    """Of every kind of map."""
+    """For every kind of map."""
     robot, evidence = load_robot(name), evidence_of(name)
     assert evidence.rest.samples
     effects = catalogue(robot, evidence.chain.mechanism)
@@ -149,14 +149,14 @@ def test_maps_and_names_together_have_the_information_of_their_columns(name: str
     assert kept.width == every.shape[1]
     y = evidence.column
     np.testing.assert_allclose(kept.along(y), every.T @ y, rtol=1e-9, atol=1e-9)
-    whole = every.T @ every  # what is projected out can be all but all of a column
+    whole = every.T @ every  # projection may remove almost all of a column
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     found, expected = evidence.information_of(kept), evidence.information(every)
     assert np.abs((found - expected) / size).max() < 1e-10
 
 
 def test_all_but_some_samples_are_those_that_remain() -> None:
-    """Their sums are what is left of those of all; what they say is what they say alone."""
+    """Their sums are all sums minus the others'; results equal those of the samples alone."""
     evidence = evidence_of("five_axis")
     effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
     mapped = next(group[0] for group in maps(evidence, effect))
@@ -169,7 +169,7 @@ def test_all_but_some_samples_are_those_that_remain() -> None:
 
 
 def test_a_map_of_another_size_is_scored_as_if_its_own_products_were_known() -> None:
-    """All sizes share the products of one: value, gain, evidence and chance of each."""
+    """All sizes share the products of one: value, gain, evidence and probability of each."""
     evidence = evidence_of("five_axis")
     effect = catalogue(load_robot("five_axis"), evidence.chain.mechanism)[0]
     weighed = Weighed.of(evidence, np.inf, 4, np.random.default_rng(3))
@@ -199,7 +199,7 @@ def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
 
 
 def test_shapes_by_functions_and_on_a_grid_are_those_of_their_columns() -> None:
-    """Of many orders of a gear, of all joints and of one, beside a map in the nuisance."""
+    """For many orders of a gear, of all joints and of one, beside a map in the nuisance."""
     evidence = bare = evidence_of("five_axis")
     effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)
     mapped = next(group[0] for group in maps(evidence, effects[0]))

@@ -1,4 +1,4 @@
-"""The table of constants: each has a reason and a use; decisions take them from nowhere else."""
+"""Tests of the table of constants: each has a reason and a use, and decisions use no others."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TABLE = {
 }
 MODULES = sorted(set(FOLDER.glob("*.py")) - {FOLDER / "constants.py"})
 DECIDE = ("statement", "findings", "name_checks", "rivals", "judge", "joint_fit", "search")
-NUMERICS = {"MM", "_RANK"}  # a unit, and what of a matrix is rounding
+NUMERICS = {"MM", "_RANK"}  # a unit, and the rounding of a matrix
 
 
 def names_in(path: Path) -> set[str]:

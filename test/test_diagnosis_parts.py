@@ -1,4 +1,4 @@
-"""The parts of a diagnosis, each against an answer that is known by another way."""
+"""Tests of the parts of a diagnosis, each against a result computed in another way."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ ROBOT = load_robot("srbd")
 
 
 def measured(count=24, both_sides=True, masses=(0.0, 2.0), model=None, radius=None, **streams):
-    """The evidence of stops by a simulated machine with nothing hidden in it."""
+    """Evidence of stops of a simulated machine without hidden causes."""
     part = {} if radius is None else {"radius": radius}
     plan = make_plan("identify", ROBOT, count=count, both_sides=both_sides, **part)
     payload = np.array(masses)[np.arange(len(plan)) // 2 % len(masses)]
@@ -55,7 +55,7 @@ def measured(count=24, both_sides=True, masses=(0.0, 2.0), model=None, radius=No
 
 @pytest.fixture(scope="module")
 def evidence():
-    """48 stops from both sides under two payloads; 3 coordinates each, 69 nuisances."""
+    """48 stops from both sides under two payloads; 3 coordinates each, 69 nuisance parameters."""
     return measured()
 
 
@@ -67,12 +67,12 @@ def wide():
 
 @pytest.fixture(scope="module")
 def dense(evidence):
-    """V^-1 with what has no prior projected out, and V of the rest, both (3 n, 3 n)."""
+    """V^-1 with everything without prior projected out, and V of the rest, both (3 n, 3 n)."""
     flat = evidence.nuisance.reshape(evidence.size, -1)
     known = evidence.precision > 0
     V = np.eye(evidence.size) + flat[:, known] / evidence.precision[known] @ flat[:, known].T
     inverse, F = np.linalg.inv(V), flat[:, ~known]
-    assert F.shape[1] == 6  # the tracker's frame
+    assert F.shape[1] == 6  # the tracker frame
     seen = inverse @ F
     return inverse - seen @ np.linalg.solve(F.T @ seen, seen.T), V
 
@@ -83,7 +83,7 @@ def candidate(evidence, cause, location=None):
 
 
 def named_by(evidence, signal, *others):
-    """The class of a signal among some candidates."""
+    """The candidates that are equivalent to a signal."""
     return rivals.equivalents(evidence, signal, [SimpleNamespace(candidate=c) for c in others])
 
 
@@ -95,7 +95,7 @@ def with_residual(evidence, residual):
 
 
 def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
-    """Both are maps over the payload; one name stands for one term."""
+    """Both are maps over the payload; each name has only one term."""
     trial = hide({"unknown:grip": 3.0}, 5, "still")
     model = calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
     effects = catalogue(ROBOT, model.problem.chain.mechanism)
@@ -116,7 +116,7 @@ def test_a_finer_map_takes_the_place_of_a_coarse_one_of_the_same_name() -> None:
 
 
 def test_what_a_cause_found_does_between_repeats_is_no_noise() -> None:
-    """Noise of a compliant machine and of the same without it; what finds nothing leaves it."""
+    """Noise of a compliant machine and of a stiff one; without a finding it is unchanged."""
     soft, stiff = (
         calibrated(survey(hide(causes, 41, "still").session, ROBOT.joints.names), ROBOT)
         for causes in ({"joint_compliance": 2.0, "backlash": 1.0}, {})
@@ -144,7 +144,7 @@ def test_inner_products_are_those_under_the_whole_covariance(evidence, dense) ->
 
 
 def test_the_most_likely_nuisance_is_that_of_generalised_least_squares(evidence, dense) -> None:
-    """The frame by Gauss and Markov, what has a prior by its regression on the rest."""
+    """The frame by Gauss-Markov, parameters with a prior by their regression on the rest."""
     flat, known = evidence.nuisance.reshape(evidence.size, -1), evidence.precision > 0
     r, V = evidence.column[:, 0], dense[1]
     F, K = flat[:, ~known], flat[:, known]
@@ -154,12 +154,12 @@ def test_the_most_likely_nuisance_is_that_of_generalised_least_squares(evidence,
     np.testing.assert_allclose(evidence.best()[known], rest, atol=1e-7)
     left = r - F @ frame - K @ rest
     np.testing.assert_allclose(evidence.left().ravel(), left, atol=1e-7)
-    np.testing.assert_allclose(left, dense[0] @ r, atol=1e-6)  # and so V^-1 r
+    np.testing.assert_allclose(left, dense[0] @ r, atol=1e-6)  # and therefore V^-1 r
     assert evidence.degrees == pytest.approx(np.trace(dense[0]), abs=1e-6)
 
 
 def test_draws_have_the_covariance_of_the_model(evidence, dense) -> None:
-    """In forty directions; a sample of them each within its five standard errors."""
+    """In forty directions, each sample variance within five standard errors."""
     rng, count = np.random.default_rng(2), 4000
     u = rng.standard_normal((evidence.size, 40))
     u /= np.sqrt(np.einsum("ij,ik,kj->j", u, dense[1], u))
@@ -196,11 +196,11 @@ def test_p_is_that_of_an_analysis_of_variance() -> None:
     gained = np.sum((means - every.mean()) ** 2) / variance
     by_both = [np.exp(scores.log_p_of(gained, 3, degrees)) for degrees in (n - 4, np.inf)]
     assert by_both == pytest.approx([f_oneway(*groups).pvalue, chi2.sf(gained, 3)], rel=1e-9)
-    assert scores.log_p_of(5000.0, 3, np.inf) < -2000  # and no zero to take a logarithm of
+    assert scores.log_p_of(5000.0, 3, np.inf) < -2000  # and no logarithm of zero
 
 
 def test_the_bayes_factor_is_that_of_two_densities(evidence) -> None:
-    """r ~ N(0, V) against r ~ N(0, V + 25 X X'), every prior finite."""
+    """r ~ N(0, V) against r ~ N(0, V + 25 X X'), with all priors finite."""
     proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
     flat = proper.nuisance.reshape(proper.size, -1)
     V = np.eye(proper.size) + flat / proper.precision @ flat.T
@@ -219,7 +219,7 @@ def test_the_bayes_factor_is_that_of_two_densities(evidence) -> None:
 @pytest.mark.parametrize("k", [1, 2, 3])
 @pytest.mark.parametrize("size", [0.0, 0.1, 0.5, 2.0])
 def test_a_size_that_is_not_known_is_integrated_over(evidence, k: int, size: float) -> None:
-    """By densities at 400 sizes of three decades, r ~ N(0, V + s^2 X X')."""
+    """Compared with densities at 400 sizes over three decades, r ~ N(0, V + s^2 X X')."""
     proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
     flat = proper.nuisance.reshape(proper.size, -1)
     V = np.eye(proper.size) + flat / proper.precision @ flat.T
@@ -237,12 +237,13 @@ def test_a_size_that_is_not_known_is_integrated_over(evidence, k: int, size: flo
     v = scores.most_likely(G, b, -free, free)
     told = scores.log_bayes(G, b, v, [slice(0, k)])
     exact = logsumexp(log_b) - np.log(len(each))
-    # where nothing shows the likeliest size is none, and the sharp peak that is taken is not there
+    # Without a signal the most probable size is zero, and the sharp peak that is assumed is not
+    # there.
     assert told == pytest.approx(exact, abs=0.3) if exact > 10 else exact - 2 < told < exact
 
 
 def test_a_map_pays_for_every_size_and_width_that_it_could_have_had(evidence) -> None:
-    """By densities, r ~ N(0, V + 25 X X') of the map in one form, all its forms alike likely."""
+    """Compared with densities, r ~ N(0, V + 25 X X') of a map, all its forms equally probable."""
     proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
     flat = proper.nuisance.reshape(proper.size, -1)
     V = np.eye(proper.size) + flat / proper.precision @ flat.T
@@ -264,7 +265,7 @@ def test_a_map_pays_for_every_size_and_width_that_it_could_have_had(evidence) ->
 
 @pytest.fixture(scope="module")
 def nothing(evidence):
-    """p of one question, and of one that was searched over 24 shapes, in 300 clean sessions."""
+    """p of one candidate, and of one that was searched over 24 shapes, in 300 clean sessions."""
     rng = np.random.default_rng(6)
     one = [[candidate(evidence, "encoder_eccentricity")]]
     effect = EFFECTS["transmission_error"](ROBOT, evidence.chain.mechanism)
@@ -278,13 +279,13 @@ def nothing(evidence):
 
 
 def test_p_is_uniform_where_there_is_nothing(nothing) -> None:
-    """A little on the safe side: the value is kept to what is to be expected."""
+    """A little conservative: the value is limited to what is to be expected."""
     assert kstest(nothing[:, 0], "uniform").pvalue > 0.01
 
 
 @pytest.mark.parametrize("size", [1e-6, 1e-5, 3e-4])
 def test_p_of_a_map_is_uniform_however_short_it_is_held(evidence, size) -> None:
-    """Bumps that are held near nothing explain less by chance than they are many."""
+    """Bumps with a narrow prior explain less by chance than their number suggests."""
     rng = np.random.default_rng(11)
     effect = Unexplained.over(
         candidate(evidence, "backlash").effect, "position", evidence.at.joint, size, reach=0.25
@@ -301,14 +302,14 @@ def test_p_of_a_map_is_uniform_however_short_it_is_held(evidence, size) -> None:
 
 
 def test_p_of_a_search_is_paid_for(nothing) -> None:
-    """By the bootstrap: one in twenty below 5 %, and not one in three."""
+    """The bootstrap gives about one p in twenty below 5 %, instead of one in three."""
     share = np.mean(nothing[:, 1] < 0.05)
     assert 0.015 < share < 0.09
     assert np.mean(nothing[:, 1] < 0.3) > 0.15
 
 
 def test_effects_that_move_everything_alike_are_one_class(evidence, dense) -> None:
-    """At rest a friction is half a gap, and a scale is nothing of the kind."""
+    """At rest friction is equivalent to half a gap, and a scale is not."""
     gap, stick, scale = (
         candidate(evidence, cause, "joint_2")
         for cause in ("backlash", "stick_slip", "joint_scale")
@@ -316,11 +317,11 @@ def test_effects_that_move_everything_alike_are_one_class(evidence, dense) -> No
     X, (y,), W = columns_of(stick, evidence), columns_of(scale, evidence).T, dense[0]
     alike = columns_of(gap, evidence)[:, 0]
     assert [c.cause for c in named_by(evidence, alike, scale, stick)] == ["stick_slip"]
-    other = y - X[:, 0] * (X.T @ W @ y / (X.T @ W @ X)[0, 0])  # of which a friction makes nothing
+    other = y - X[:, 0] * (X.T @ W @ y / (X.T @ W @ X)[0, 0])  # orthogonal to friction
     alike, other = (v / np.sqrt(v @ W @ v) for v in (alike, other))
     for same, apart, found in ((991, 9, 1), (91, 9, 1), (89, 11, 0), (979, 21, 0), (979, 19, 1)):
         signal = np.sqrt(same) * alike + np.sqrt(apart) * other
-        assert len(named_by(evidence, signal, stick)) == found  # 18 degrees, and chi square of 20
+        assert len(named_by(evidence, signal, stick)) == found  # 18 degrees, chi square of 20
 
 
 # Held-out data
@@ -346,14 +347,14 @@ def test_parts_are_disjoint_cover_and_lie_together(evidence) -> None:
 
 @pytest.mark.parametrize("name", ["five_axis", "scara", "srbd", "ur10"])
 def test_sectors_are_alike_wherever_a_machine_works(name) -> None:
-    """The five-axis machine works in an upright plane, which about z is two bearings."""
+    """The five-axis machine works in a vertical plane, which has only two bearings about z."""
     robot = load_robot(name)
     mechanism = robot.commanded
     plan = make_plan("identify", robot, count=100, both_sides=False)
     place = mechanism.position(mechanism.forward(plan.joint, mechanism.parameters.nominal))
     bearing = cross_validation.bearings(place)
-    assert len(np.unique(np.round(bearing, 6))) > 50  # of two it was on the five-axis machine
-    turned = place @ Rotation.from_euler("z", 0.3).as_matrix().T  # whatever x is called
+    assert len(np.unique(np.round(bearing, 6))) > 50  # they were two on the five-axis machine
+    turned = place @ Rotation.from_euler("z", 0.3).as_matrix().T  # for any direction of x
     before, after = (cross_validation.bearings(each) for each in (place, turned))
     if name == "five_axis":
         np.testing.assert_allclose(np.sin(after), np.sin(before), atol=1e-9)
@@ -363,7 +364,7 @@ def test_sectors_are_alike_wherever_a_machine_works(name) -> None:
 
 @pytest.mark.parametrize("way", [(1.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.3, 0.5, 0.8)])
 def test_sectors_of_a_line_lie_one_behind_the_other(way: tuple[float, float, float]) -> None:
-    """Through the axis it has two bearings about z, and rounding would part one of them."""
+    """Through the axis it has two bearings about z, and rounding would divide one of them."""
     along = np.linspace(-0.4, 0.4, 50)
     rounding = np.random.default_rng(1).uniform(-1e-13, 1e-13, (50, 3))
     place = along[:, None] * way + (0.0, 0.0, -0.7) + rounding
@@ -372,7 +373,7 @@ def test_sectors_of_a_line_lie_one_behind_the_other(way: tuple[float, float, flo
 
 
 def test_motions_in_one_sector_of_the_poses_are_parted_by_their_own() -> None:
-    """And the poses stay as they were: without one part of either there is enough of both."""
+    """The poses stay unchanged: without one sector of either there is enough of both."""
     angle = np.concatenate([np.linspace(-3.1, 3.1, 100), np.linspace(0.1, 0.3, 50)])
     place = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
 
@@ -396,7 +397,7 @@ def test_sectors_of_a_single_place_are_one() -> None:
 
 
 def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
-    """Ridge regression by rows on what is left; its own readings may be anything."""
+    """Compared with ridge regression on the other rows; its own readings have no influence."""
     part = cross_validation.sectors(evidence)
     out = part == 2
     others = np.repeat(~out, 3)
@@ -413,7 +414,7 @@ def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
 
 
 def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense) -> None:
-    """With every prior finite: p(part | others, v) by the densities of all and of the others."""
+    """With all priors finite: p(part | others, v) from the densities of all and of the others."""
     proper = replace(evidence, precision=np.where(evidence.precision > 0, evidence.precision, 1.0))
     flat = proper.nuisance.reshape(proper.size, -1)
     V = np.eye(proper.size) + flat / proper.precision @ flat.T
@@ -443,7 +444,7 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
 
 
 def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
-    """A scale that is there in one sector only, and one that is there in all."""
+    """A scale that is present in one sector only, and one that is present in all."""
     part = cross_validation.sectors(evidence)
     columns = columns_of(candidate(evidence, "joint_scale"), evidence)
     bounds = (np.full(3, -np.inf), np.full(3, np.inf))
@@ -457,7 +458,7 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
 
 
 def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
-    """A gap that would have to be negative in one of the parts, and so in all together."""
+    """A gap that would have to be negative in one of the parts, and therefore in all together."""
     part = cross_validation.sectors(evidence)
     columns = columns_of(candidate(evidence, "backlash"), evidence)[:, :1]
     noise = evidence.draw(1, np.random.default_rng(14))
@@ -467,7 +468,7 @@ def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
     assert cross_validation.foretold(less, Plain(columns), bounds, part) == 0.0
 
 
-# What is left, and what cannot be told
+# Residuals, and what cannot be determined
 
 
 def audited(evidence, residual):
@@ -477,7 +478,7 @@ def audited(evidence, residual):
 
 
 def test_an_audit_is_quiet_where_there_is_noise(evidence) -> None:
-    """A little more than chance has it, as structure that does not matter is granted."""
+    """Slightly conservative, because insignificant structure is allowed."""
     drawn = evidence.draw(200, np.random.default_rng(9))
     p = np.array([list(audited(evidence, column).values()) for column in drawn.T])
     assert p.shape == (200, 5)
@@ -487,7 +488,7 @@ def test_an_audit_is_quiet_where_there_is_noise(evidence) -> None:
 
 
 def test_p_of_likeness_is_as_rare_as_it_says() -> None:
-    """Products of 60 neighbours have tails heavier than normal: an excess of 0.3."""
+    """Products of 60 neighbours have heavier tails than a normal: excess kurtosis 0.3."""
     rng = np.random.default_rng(1)
     draws = np.concatenate([_likeness(rng) for _ in range(11)])
     reference, others = draws[:20_000], draws[20_000:]
@@ -505,7 +506,7 @@ def _likeness(rng: np.random.Generator) -> np.ndarray:
 
 @pytest.mark.parametrize("shown", ["position", "joints", "direction", "time", "tails"])
 def test_an_audit_says_what_structure_moves_with(wide, shown: str) -> None:
-    """Put into noise: waves in space, one sign a side, a slow walk, noise of the wrong kind."""
+    """Structure added to noise: spatial waves, a sign per side, slow walk, wrong distribution."""
     rng, at = np.random.default_rng(10), wide.at
     place = wide.chain.mechanism.position(wide.pose)
     q, turn = at.joint, 2 * np.pi * at.time[:, None] / at.time.max()
@@ -533,7 +534,7 @@ def moving():
 
 
 def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
-    """A ripple as large as the noise of a reading on the paths, nothing at the stops."""
+    """A ripple as large as the noise of a reading on the paths, none at the stops."""
     rng = np.random.default_rng(14)
     noise, on = moving.draw(1, rng).reshape(-1, 3), np.arange(len(moving)) >= moving.poses
     ripple = np.sin(40 * moving.at.joint) * (on & moving.believed)[:, None]
@@ -545,11 +546,11 @@ def test_an_audit_sees_what_goes_along_with_motions_only(moving) -> None:
     rows = np.flatnonzero(on & moving.believed)
     moved = np.linalg.solve(moving.whiten[rows], ripple[rows, :, None])[..., 0]
     share = left.in_motion / np.sqrt(np.mean(np.sum(moved**2, axis=1)))
-    assert 0.4 < share < 1.1  # rest errors take some of it, and neighbours do not have all alike
+    assert 0.4 < share < 1.1  # rest errors absorb some of it, and neighbours do not share all
 
 
 def test_stops_on_the_way_of_motions_are_not_draws_of_their_own(moving) -> None:
-    """A sweep stands still where it turns; the joints were not moved there anew."""
+    """A sweep rests where it turns; the joints were not positioned there anew."""
     time, stops = moving.at.time, np.arange(moving.poses)
     motions = np.unique(moving.rest.path[moving.poses :])
     first, last = (
@@ -558,7 +559,7 @@ def test_stops_on_the_way_of_motions_are_not_draws_of_their_own(moving) -> None:
     )
     left_out = stops[~moving.believed[: moving.poses]]
     assert 5 <= len(left_out) < 0.3 * moving.poses
-    for row in left_out:  # a motion had ended and another began within a quarter of a minute
+    for row in left_out:  # a motion ended and another began within a quarter of a minute
         assert (np.abs(time[row] - last) < 15.0).any()
         assert (np.abs(first - time[row]) < 15.0).any()
     kept = time[stops[moving.believed[: moving.poses]]]
@@ -566,7 +567,7 @@ def test_stops_on_the_way_of_motions_are_not_draws_of_their_own(moving) -> None:
 
 
 def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
-    """By what the value becomes if the sensor's clock is put a minute back."""
+    """Compared with the change of the value when the sensor's clock is set back by a minute."""
     trial = hide({"thermal_growth_arm": 1.2}, 1)
     growth = replace(
         next(e for e in catalogue(ROBOT, ROBOT.model()) if e.cause == "thermal_growth_arm"),
@@ -592,7 +593,7 @@ def test_an_interval_counts_how_far_a_sensor_is_behind_its_part() -> None:
 
 
 def reasons(evidence):
-    """Why each cause cannot be told, and what would."""
+    """The reason why each cause cannot be determined, and the remedy."""
     said = identifiability.unseen(evidence, (), catalogue(ROBOT, evidence.chain.mechanism), ())
     return {name: entry for entry in said for name in entry.between}
 
@@ -612,9 +613,9 @@ def test_what_a_session_cannot_tell_is_what_it_did_not_vary(evidence) -> None:
 
 
 def test_play_that_weight_holds_shut_is_said_to_be_a_zero(evidence) -> None:
-    """In the middle of a Delta's workspace its drives rest on one flank all over."""
+    """In the middle of a Delta's workspace its drives rest on one flank everywhere."""
     backlash = EFFECTS["backlash"](ROBOT, evidence.chain.mechanism)
-    assert "backlash held by weight" not in reasons(evidence)  # its edges lift an arm
+    assert "backlash held by weight" not in reasons(evidence)  # at its edges an arm is lifted
     told = reasons(measured(radius=0.15))["backlash held by weight"]
     assert told.between == ("backlash held by weight", "joint_zero_offset")
     assert told.because.startswith("weight turns every joint the same way at all poses")
@@ -627,13 +628,13 @@ def test_play_that_weight_holds_shut_is_said_to_be_a_zero(evidence) -> None:
 
 
 def loaded(joint):
-    """At rest, with nothing on the platform."""
+    """At rest, without payload."""
     nothing = {"payload": np.zeros(len(joint)), "payload_centre": np.zeros((len(joint), 3))}
     return replace(at_rest(joint), **nothing)
 
 
 def test_exact_equivalences_are_classes_of_their_own(evidence) -> None:
-    """One-sided play is a joint zero; an offset of what never tilts is a translation."""
+    """One-sided backlash is a joint zero; an offset without tilt is a translation."""
     one_sided = reasons(measured(both_sides=False))["backlash"]
     assert {"backlash", "joint_zero_offset"} <= set(one_sided.between)
     assert "other side" in one_sided.next
@@ -643,7 +644,7 @@ def test_exact_equivalences_are_classes_of_their_own(evidence) -> None:
 
 
 def test_what_does_not_grow_is_not_for_lack_of_motion(evidence) -> None:
-    """The cell stayed at 20 degrees all the time."""
+    """The cell stayed at 20 degrees C all the time."""
     assert np.ptp(evidence.at.temperature) == 0
     told = reasons(evidence)
     for part in ("arm", "base"):
@@ -652,7 +653,7 @@ def test_what_does_not_grow_is_not_for_lack_of_motion(evidence) -> None:
 
 @dataclass(frozen=True)
 class GiveToEither(JointCompliance):
-    """Drives that give to weight by one number [rad/(N m)] and to inertia by another."""
+    """Drives that yield to weight by one number [rad/(N m)] and to inertia by another."""
 
     cause: ClassVar[str] = "give_to_either"
 
@@ -670,7 +671,7 @@ class GiveToEither(JointCompliance):
 
 
 def test_what_shows_at_rest_is_fitted_there_beside_what_shows_in_motion_only() -> None:
-    """Nothing is left to gain: both were held where one step led, 1.7 deviations off."""
+    """The optimum is reached; earlier, both were left after one step, 1.7 deviations off."""
     machine = draw_machine(ROBOT, 10, 1.0, {"joint_compliance": {"strength": "4"}})
     session = simulate_session(machine, make_plan("identify", ROBOT, count=40, seed=10), 10)
     bare = calibrated(survey(session, ROBOT.joints.names), ROBOT)

@@ -1,4 +1,4 @@
-"""Errors that a motion's readings share, against the covariance written out in full."""
+"""Tests of errors shared by a motion's readings, against the covariance written out in full."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathErr
 
 RNG = np.random.default_rng(1)
 STOPS, EACH = 4, 6
-# a sweep there and, soon, back; two more, somewhere else and later; and one after a stop
+# A sweep there and, shortly after, back; two more, elsewhere and later; and one after a stop.
 BEGIN = {
     3: (0.0, 0.0, 0.3),
     4: (6.5, 0.3, 0.0),
@@ -28,7 +28,7 @@ OWN = RNG.standard_normal((len(PATH), 3, 2))
 
 
 def conditions() -> Conditions:
-    """Joint angles that go on where a path has ended, or do not; a stop comes in between."""
+    """Joint angles that continue where a path ended, or do not; a stop is in between."""
     angle, time = [np.zeros(STOPS)], [np.append(np.arange(1.0 - STOPS, 0.0), STOP)]
     for begin, first, last in BEGIN.values():
         angle.append(np.linspace(first, last, EACH))
@@ -44,7 +44,7 @@ def rest() -> SharedPathError:
 
 @pytest.fixture(scope="module")
 def covariance() -> np.ndarray:
-    """1, and for each path u of its own, what it passes into, and what it shares with others."""
+    """1, and for each path its own u, what it passes on, and what it shares with others."""
     C = np.eye(3 * len(PATH))
 
     def add(on, factor):
@@ -74,7 +74,7 @@ def test_inner_products_are_those_under_the_covariance(rest, covariance) -> None
 
 
 def test_draws_have_the_covariance(rest, covariance) -> None:
-    """In forty directions, each within its five standard errors."""
+    """In forty directions, each within five standard errors."""
     count, rng = 8000, np.random.default_rng(2)
     u = rng.standard_normal((len(covariance), 40))
     chance = rng.standard_normal((len(covariance), count))
@@ -85,7 +85,7 @@ def test_draws_have_the_covariance(rest, covariance) -> None:
 
 
 def test_some_of_the_samples_have_their_part_of_the_covariance(rest, covariance) -> None:
-    """A sector may cut a path, and a path out of those in a row."""
+    """A sector may cut a path, or remove one from a sequence."""
     rows = np.flatnonzero(RNG.random(len(PATH)) < 0.6)
     kept = (3 * rows[:, None] + np.arange(3)).ravel()
     x = RNG.standard_normal((len(kept), 3))

@@ -1,4 +1,4 @@
-"""Mistakes in sessions: named, mended, never claimed where there is none, never written over."""
+"""Tests of mistakes in sessions: named, repaired, never claimed wrongly, originals kept."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot, robot_document
 from mistakes import BOTH, KINDS, clean_case, examined, has_turns, joints, judged, stamped
 
-# kinds by robot: on the one whose sessions are quickest all, on the others what is special there
+# Kinds by robot: all on the one with the fastest sessions, on the others what is special.
 SHOWN = {
     "linear_delta": tuple(KINDS),
     "srbd": ("joints_unit", "joint_offset", "joint_turns", "mirrored", "tracker_shifted"),
@@ -40,7 +40,7 @@ def case_of(name: str, turns: bool = False):
 
 @pytest.mark.parametrize(("robot", "kind"), [(r, k) for r, kinds in SHOWN.items() for k in kinds])
 def test_a_mistake_is_named(robot: str, kind: str) -> None:
-    """At one of its two sizes; benchmarks/doctor.py has them all."""
+    """At one of its two sizes; benchmarks/doctor.py runs all."""
     case, size = case_of(robot, has_turns(kind)), len(kind) % 2
     made = KINDS[kind](case, size) or KINDS[kind](case, 1 - size)
     if made is None:
@@ -92,7 +92,7 @@ def test_two_mistakes_are_both_named() -> None:
 
 @pytest.mark.parametrize("robot", ["linear_delta", "ur10"])
 def test_coordinates_in_two_units_and_a_left_handed_frame_are_both_named(robot: str) -> None:
-    """The heights in mm, and x of the other sign."""
+    """The heights in mm, and x with the other sign."""
     case = case_of(robot)
     given = case.session.tracker.position * (-1.0, 1.0, 1e3)
     session = replace(case.session, tracker=replace(case.session.tracker, position=given))
@@ -107,7 +107,7 @@ def test_coordinates_in_two_units_and_a_left_handed_frame_are_both_named(robot: 
 def test_joints_from_one_other_zero_are_named_with_their_direction(
     robot: str, sign: float
 ) -> None:
-    """Motors that read 90 degrees with the arm level, and may count the other way."""
+    """Motors that read 90 degrees with the arm level, and may count in the other direction."""
     case = case_of(robot)
     made = joints(case.session, BOTH, lambda q: np.pi / 2 + sign * q)
     checked = check(made, case.robot)
@@ -227,7 +227,7 @@ def test_fix_is_not_promised_where_nothing_explains_the_session(
 
 
 def test_by_force_it_is(tmp_path: Path) -> None:
-    """A moved tracker leaves a session that can be fitted, badly."""
+    """A session with a moved tracker can be fitted, but badly."""
     case, out = case_of("linear_delta"), tmp_path / "calibration.yaml"
     made = KINDS["tracker_shifted"](case, 0)
     write_session(tmp_path / "moved", made.session)
@@ -262,7 +262,7 @@ def test_a_robot_of_other_joints_is_said(
 
 
 def captured(desk: CalibrationSession, session: Session) -> None:
-    """Let a cell measure what a session holds."""
+    """Capture the messages of a session in a cell."""
     desk.start_capture(0.0)
     for stream, add in (
         (session.command, desk.capture.add_command),
@@ -293,7 +293,7 @@ def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
 def test_the_mistake_that_somebody_knows_is_the_one_that_is_mended(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Two swapped joints of a Delta look like a left-handed frame; points do not tell."""
+    """Two swapped joints of a Delta look like a left-handed frame; points do not separate them."""
     case = case_of("srbd")
     made = joints(case.session, BOTH, lambda q: q[:, [1, 0, 2]])
     write_session(tmp_path / "swapped", made)
@@ -312,7 +312,7 @@ def test_the_mistake_that_somebody_knows_is_the_one_that_is_mended(
 
 @pytest.mark.parametrize(("own", "given"), [("srbd", "scara"), ("ur10", "srbd")])
 def test_the_right_robot_may_have_more_joints(own: str, given: str) -> None:
-    """A robot whose joints are among those recorded; the rest of them is not forgotten."""
+    """A robot whose joints are among those recorded; its further joints are taken into account."""
     case = clean_case(own, 12)
     (found,) = check(case.session, load_robot(given)).found
     assert (found.mistake, found.mend) == ("wrong_robot", f"`--robot {own}`")

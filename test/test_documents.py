@@ -1,4 +1,4 @@
-"""Every wrong document gets a ConfigError that names file, path, value and what is allowed."""
+"""Every wrong document gets a ConfigError that names file, path, value and permitted values."""
 
 from __future__ import annotations
 
@@ -152,7 +152,7 @@ def test_written_is_read_again_and_nothing_else_is_left(tmp_path):
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     path = written(tmp_path, TEXT)
-    (tmp_path / ".cell.yaml.part").mkdir()  # what is written beside cannot be made, even by root
+    (tmp_path / ".cell.yaml.part").mkdir()  # the temporary file cannot be made, even by root
     with pytest.raises(ConfigError, match=r"cell\.yaml: cannot be written: "):
         write_document(path, {"a": 1})
     assert path.read_text(encoding="utf-8") == TEXT
@@ -176,7 +176,7 @@ def half_written(path, error, **how):
 
 
 def test_what_is_not_written_to_its_end_leaves_nothing(tmp_path):
-    """Neither a file of that name nor one beside it; what was there stays."""
+    """Neither a file of that name nor a temporary one remains; an existing file is kept."""
     path = tmp_path / "table.csv"
     with pytest.raises(ZeroDivisionError):
         half_written(path, ZeroDivisionError())

@@ -1,4 +1,4 @@
-"""Signs, zeros and azimuths of the robot file: another way to read the same machine."""
+"""Tests of signs, zeros and azimuths of the robot file: other readings of the same machine."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ MACHINES = [
     ("scara", None),
     ("ur10", None),
 ]
-# These are told by the drive's own angle, or carry its sign.
+# Depend on the drive's own angle, or have its sign.
 OF_READINGS = (
     "encoder_eccentricity",
     "transmission_error",
@@ -104,7 +104,7 @@ def test_torques_are_on_the_joint_as_the_drive_counts_it(name, model) -> None:
 
 
 def as_read(at: Conditions, robot: Robot) -> Conditions:
-    """The same conditions as the drives of a robot tell them."""
+    """The same conditions in the readings of a robot's drives."""
     drives = robot.drives
     return replace(
         at,
@@ -116,7 +116,7 @@ def as_read(at: Conditions, robot: Robot) -> Conditions:
 
 
 def same_effects(robot: Robot, model: str | None):
-    """Effects of a machine that are told the same way in any readings, with their values."""
+    """Effects that are described equally in any readings, with their values."""
     effects, values = [], []
     rng = np.random.default_rng(7)
     for effect in catalogue(robot, chain_of(robot, model).mechanism):
@@ -170,7 +170,7 @@ def test_exported_c_speaks_of_readings(name, model, tmp_path) -> None:
 
 @pytest.fixture(scope="module")
 def verdicts():
-    """A session with a play and a yielding joint, as either machine's drives tell it."""
+    """A session with backlash and a compliant joint, in the readings of both machines' drives."""
     trial = hide({"backlash": 1.0, "joint_compliance": 2.0}, 3, "still")
     found = []
     for robot, session in zip(
@@ -260,7 +260,7 @@ def with_stands(azimuths) -> Robot:
 
 @pytest.mark.parametrize("model", ["rotary_delta", "six_rod_delta"])
 def test_legs_numbered_clockwise_are_the_same_machine(model) -> None:
-    """Motors 2 and 3 have changed their names, and nothing else."""
+    """Motors 2 and 3 have exchanged their names; nothing else has changed."""
     known, found = (
         chain_of(robot, model).mechanism
         for robot in (load_robot("srbd"), with_stands([0.0, 240.0, 120.0]))
@@ -307,7 +307,7 @@ def test_towers_may_be_numbered_clockwise() -> None:
 
 
 def test_the_middle_stays_where_the_drives_say_nothing() -> None:
-    """Entries of what is anyway are the same machine to a calibration; others are another."""
+    """Stating default values gives the same machine for a calibration; other values do not."""
     data = robot_document("srbd")[1]
 
     def told(**joints) -> Robot:
@@ -381,7 +381,7 @@ def test_every_way_of_compensating_answers_alike(method, burdened) -> None:
 
 @pytest.mark.parametrize("burdened", [False, True])
 def test_a_swarm_searches_alike(burdened) -> None:
-    """By itself: what it finds is the same way off, in the drive's sense, to the last places."""
+    """Compared with itself: its result has the same error, in the drive's direction."""
     found = []
     for robot in other("srbd"):
         effects, values = same_effects(robot, "rotary_delta")

@@ -1,4 +1,4 @@
-"""An effect is one file: a made-up one is drawn, hidden and worded; no other file names one."""
+"""An effect is one file: a made-up one is drawn, hidden and described; no other file names it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ class Draught(Effect):
 
 @dataclass(frozen=True)
 class Plain(Effect):
-    """Joints that go too far, with the least that a user's effect has to say."""
+    """Joints that move too far, with the minimum content of a user's effect."""
 
     cause: ClassVar[str] = "plain_effect"
     kind: ClassVar[str] = "drive"
@@ -108,13 +108,13 @@ class Plain(Effect):
 
 @pytest.fixture
 def known(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both are in the catalogue, as effects of installed packages are."""
+    """Add both to the catalogue, like effects of installed packages."""
     for kind in (Draught, Plain):
         monkeypatch.setitem(EFFECTS._own, kind.cause, kind)
 
 
 def hidden(text: dict[str, str], cause: str = "draught") -> Effect:
-    """The effect as a machine hides it."""
+    """The effect as hidden in a machine."""
     return draw_machine(ROBOT, 3, 1.0, [(cause, text)]).chain.effects[0]
 
 
@@ -160,7 +160,7 @@ def test_the_demonstrations_take_what_its_file_offers() -> None:
 
 
 def test_the_demonstrations_of_the_package_s_effects() -> None:
-    """What is hidden in the machines of this package, and what may be in the live one."""
+    """Effects hidden in the machines of this package, and those possible in the live one."""
     own = {name: _shown(load_robot(name))[0] for name in ("srbd", "five_axis", "cdpr8", "scara")}
     assert own == {
         "srbd": "encoder_eccentricity",
@@ -175,7 +175,7 @@ def test_the_demonstrations_of_the_package_s_effects() -> None:
     )
 
 
-# --- worded and drawn
+# --- described and drawn
 
 
 @pytest.mark.usefixtures("known")
@@ -188,12 +188,12 @@ def test_it_is_called_what_its_file_says() -> None:
 
 
 def drawn(effect: Effect):
-    """Its picture in the report of a session, with the figures of what is in the model there."""
+    """Its picture in the report of a session, with the numbers of the model's first effect."""
     judged = Judged.of(found())
     term = judged.diagnosis.model.terms[0]
 
     class Swapped:
-        """The judged session with another effect's name on its first term."""
+        """The evaluated session with another effect's name on its first term."""
 
         evidence, rows = judged.evidence, judged.rows
         beside_term = staticmethod(lambda _, rows: judged.beside_term(term, rows))
@@ -265,7 +265,7 @@ def test_a_map_is_labelled_by_what_it_moves_with() -> None:
     assert Candidate("unexplained", "unknown", None, speed, (0,)).label == "unexplained (speed)"
 
 
-# --- the looks of mechanisms
+# --- drawings of mechanisms
 
 
 def test_every_mechanism_has_a_look_under_its_name() -> None:
@@ -275,9 +275,9 @@ def test_every_mechanism_has_a_look_under_its_name() -> None:
         assert look.__module__ == f"delta_calibration.description.{name}"
 
 
-# --- the sources
+# --- sources
 
-# Files that may name causes, and why; all other names of a cause stand in its effect's own file.
+# Files that may name causes, with the reason; all other names are in the effect's own file.
 ALLOWED = {
     "cli/simulate.py": "help text: what can be hidden, by robot",
     "cli/overview.py": "help text: an example",
@@ -288,7 +288,7 @@ KINDS = {kind.__name__ for kind in EFFECTS._own.values()} | {"ThermalGrowth", "U
 
 
 def texts(tree: ast.Module) -> Iterator[str]:
-    """All strings of a source but docstrings."""
+    """All strings of a source except docstrings."""
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
     docs = {
         id(node.body[0].value)
@@ -301,13 +301,13 @@ def texts(tree: ast.Module) -> Iterator[str]:
 
 
 def named(source: str) -> set[str]:
-    """Causes that the strings of a source name."""
+    """Causes named in the strings of a source."""
     said = " ".join(texts(ast.parse(source)))
     return {cause for cause in CAUSES if re.search(rf"\b{cause}\b", said)}
 
 
 def told_apart(source: str) -> set[str]:
-    """Classes of effects that `isinstance` is asked for."""
+    """Effect classes that a source tests with `isinstance`."""
     calls = (
         node
         for node in ast.walk(ast.parse(source))
@@ -349,7 +349,7 @@ def test_a_name_is_found() -> None:
 
 @pytest.mark.parametrize("folder", ["cli", "description"])
 def test_no_mechanism_is_known_by_name(folder: str) -> None:
-    """A mechanism's name stands in its own file; its look takes it from the class."""
+    """A mechanism's name is in its own file only; its drawing takes it from the class."""
     for path in (PACKAGE / folder).glob("*.py"):
         said = set(texts(ast.parse(path.read_text(encoding="utf-8"))))
         assert said.isdisjoint(MECHANISMS), path

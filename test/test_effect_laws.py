@@ -1,4 +1,4 @@
-"""Laws of effects: generated derivatives against differences, and what a term is given."""
+"""Tests of the laws of effects: generated derivatives against differences, inputs of terms."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ MACHINES = [
 CABLES = load_robot("cdpr8")
 POINTS = [(CABLES, CableRobot(FOUR_CABLES, tolerances)) for tolerances in (TOLERANCES, ZEROS_FREE)]
 SCARA = load_robot("scara")
-STATED = replace(SCARA, joints=replace(SCARA.joints, encoder_lines=7.0))  # of its encoders
-# settings in which a law goes another way than by default
+STATED = replace(SCARA, joints=replace(SCARA.joints, encoder_lines=7.0))  # states its encoders
+# Settings for which a law differs from the default.
 SHAPES = {
     "backlash": [{"held_by": 0.5}],
     "ball_joint_clearance": [{"force": 0.5}, {"end": -1.0}],
@@ -70,7 +70,7 @@ needs_casadi = pytest.mark.skipif(
 
 
 def own_forms(robot, mechanism) -> list[Effect]:
-    """Every effect that a machine can have, in every form that its law has."""
+    """Every effect that a machine can have, in every form of its law."""
     m, size, home = mechanism.joints, mechanism.joint_size, mechanism.home
     found: list[Effect] = []
     for effect in catalogue(robot, mechanism):
@@ -103,9 +103,9 @@ def name_of(effect: Effect) -> str:
 
 
 def anything(mechanism, rng, parts=PARTS) -> Signals:
-    """Signals of samples that no machine need be able to have, each number another."""
+    """Signals of samples that need not be possible on a machine, each number different."""
     places = Places.of(mechanism, parts)
-    rest = np.random.default_rng(1)  # of its own: one signal more changes none of the others
+    rest = np.random.default_rng(1)  # separate: an additional signal changes none of the others
     found = Signals(places, rest.uniform(-1.0, 1.0, (COUNT, places.size)))
     m, size = mechanism.joints, mechanism.joint_size
     return found.with_(
@@ -156,13 +156,13 @@ def test_derivatives_are_slopes_of_the_shift(effect):
 
 @pytest.mark.parametrize("effect", EVERY, ids=name_of)
 def test_nothing_moves_at_zero_and_shifts_follow_the_columns(effect):
-    """In proportion, but for a pulley's radius: its columns are those at the radius found."""
+    """Linear, except for a pulley's radius, whose columns are those at the fitted radius."""
     rng = np.random.default_rng(4)
     signals, v = anything(effect.mechanism, rng), values_of(effect, rng)
     stage = terms_of((effect,), signals.places)
     still = stage.shifts(signals, np.zeros(len(v)))
     shift = stage.shifts(signals, v)
-    # what is taken off again, as a cable's length at home, leaves its rounding
+    # Terms that are subtracted again, such as a cable's length at home, leave rounding errors.
     np.testing.assert_allclose(still, 0.0, rtol=0, atol=1e-13 * effect.mechanism.joint_size)
     assert np.abs(shift).max() > 0
     if effect.cause != "pulley_radius":
@@ -172,7 +172,7 @@ def test_nothing_moves_at_zero_and_shifts_follow_the_columns(effect):
 
 @pytest.mark.parametrize("stage", Stage)
 def test_effects_of_a_stage_add_up_in_one_table(stage):
-    """Each takes its own values out of theta's, and none disturbs another's workspace."""
+    """Each takes its own values from theta, and none disturbs another's workspace."""
     rng = np.random.default_rng(5)
     for robot, mechanism in (*MACHINES, *POINTS):
         effects = [e for e in own_forms(robot, mechanism) if e.stage is stage]
@@ -209,7 +209,7 @@ def test_growth_by_a_sensor_that_was_not_recorded_is_not_a_number():
 
 @dataclass(frozen=True)
 class Sway(Effect):
-    """Of what is carried and where: a law that takes a signal of three numbers, and pulls."""
+    """A law of payload and its centre, a signal of three numbers, and of tensions."""
 
     cause: ClassVar[str] = "sway"
     kind: ClassVar[str] = "drive"
@@ -238,7 +238,7 @@ def test_a_joint_is_given_all_of_what_all_joints_share(tmp_path, monkeypatch):
 
 @needs_casadi
 def test_limbs_that_can_push_have_no_pulls(tmp_path, monkeypatch):
-    """Six rods on three joints: six numbers would not go where three are."""
+    """Six rods on three joints: six numbers would not fit where three are expected."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     robot = load_robot("srbd")
     mechanism = robot.model("six_rod_delta")

@@ -1,4 +1,4 @@
-"""What every effect of the catalogue keeps to, whatever its physics; found by registration."""
+"""Tests of the rules for every effect of the catalogue; effects are found by registration."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from delta_calibration.robot import load_robot
 
 ROBOT = load_robot("srbd")
 MODELS = ("rotary_delta", "six_rod_delta")
-# The causes of a Delta by the names that are fixed for verdicts; geometry is the mechanism's.
+# Causes of a Delta by their fixed names in verdicts; geometry belongs to the mechanism.
 KINDS = {
     "measurement": {"tracker_scale", "tracker_drift", "timestamp_latency"},
     "drive": {
@@ -57,7 +57,7 @@ each_effect = pytest.mark.parametrize(("model", "cause"), ALL)
 
 
 def conditions(n: int = 60, seed: int = 1) -> Conditions:
-    """Half of the samples stand, half move; everything is known and nothing is the same twice."""
+    """Half of the samples are at rest, half move; all conditions are known, no two are alike."""
     rng = np.random.default_rng(seed)
     q = rng.uniform(-0.1, 0.7, (n, 3))
     moving = (np.arange(n) % 2)[:, None]
@@ -114,7 +114,7 @@ def test_parameters_are_of_a_machine(model: str, cause: str) -> None:
         items = effect.parameters.items
         assert {p.unit for p in items} <= UNITS
         assert {p.cause for p in items} == {cause}
-        for p in items:  # none unless it is found; a typical size is well within what can be
+        for p in items:  # zero by default; a typical size is well within the limits
             assert p.nominal == 0.0
             assert p.lower <= 0.0 < 2.5 * p.prior <= p.upper < np.inf
             assert p.lower > -np.inf
@@ -170,7 +170,7 @@ UNKNOWN = {
 
 @each_effect
 def test_what_is_not_known_is_said_or_does_not_matter(model: str, cause: str) -> None:
-    """No effect that says it can be evaluated hands on a number that is none."""
+    """An effect that can be evaluated never returns a value that is not a number."""
     silent = []
     for lost, fields_lost in UNKNOWN.items():
         at = replace(AT, **fields_lost)
@@ -194,12 +194,12 @@ def test_what_is_missing_is_named(model: str, cause: str) -> None:
         at = replace(AT, **UNKNOWN[lost])
         said = replace(effect, sensor="arm").missing(at)
         assert said == "the temperature of part 'arm' is not known"
-        assert not effect.missing(at)  # by the clock it goes on
+        assert not effect.missing(at)  # continues by time
 
 
 @each_effect
 def test_a_shape_comes_back_from_its_settings(model: str, cause: str) -> None:
-    """As a file holds them: numbers, texts, lists."""
+    """As stored in a file: numbers, texts, lists."""
     effect = built(model, cause)
     own = [f.name for f in fields(effect) if f.name not in ("robot", "mechanism")]
     for shape in (*every_shape(effect), effect.refined(np.full(len(effect.parameters), 2e-4))):
@@ -240,7 +240,7 @@ SEARCHED = {
 
 @each_effect
 def test_a_searched_shape_lies_within_its_interval_and_can_be(model: str, cause: str) -> None:
-    """At its ends as well, for a gear of any ratio; the finer search takes it at its word."""
+    """Also at its ends and for any gear ratio; the finer search relies on it."""
     direct = replace(ROBOT, joints=replace(ROBOT.joints, gear_ratio=1.0))
     cold, names = replace(AT, **UNKNOWN["sensors"]), set()
     both = [EFFECTS[cause](robot, ROBOT.model(model)) for robot in (ROBOT, direct)]
@@ -258,7 +258,7 @@ def test_a_searched_shape_lies_within_its_interval_and_can_be(model: str, cause:
 
 @pytest.mark.parametrize("cause", SEARCHED)
 def test_a_search_leaves_no_gap(cause: str) -> None:
-    """Between two neighbours there is no shape that neither would be refined to."""
+    """Every shape between two neighbours lies in the interval of one of them."""
     spans: dict[str, list[tuple[float, float]]] = {}
     for shape in built(MODELS[0], cause).shapes(replace(AT, **UNKNOWN["sensors"])):
         for name, *span in shape.intervals():
@@ -270,7 +270,7 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
 
 @each_effect
 def test_a_shape_goes_no_further_than_a_file_may_hold(model: str, cause: str) -> None:
-    """However often a search steps on from the end of one interval into the next."""
+    """However often a search continues from the end of one interval into the next."""
     for shape in built(model, cause).shapes(replace(AT, **UNKNOWN["sensors"])):
         assert shape.wrong() == ""
         for end in (1, 2):

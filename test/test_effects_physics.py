@@ -1,7 +1,7 @@
-"""The physics of each effect, against another way of writing it.
+"""Tests of the physics of each effect, against another formulation.
 
-Energies, equilibria and rigid bodies of a machine of six rods that shares no code with the
-package; differential equations by scipy; a play that is a state; clocks and discs as they are.
+These use energies, equilibria and rigid bodies of a six-rod machine that shares no code with the
+package; differential equations solved by scipy; backlash as a state; clocks and discs as they are.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def effect(cause, model="six_rod_delta", **settings):
 
 
 def loaded(q, seed=2, centred=False) -> Conditions:
-    """Payloads of 0 to 3 kg, 30 mm off the platform's centre and beneath it."""
+    """Payloads of 0 to 3 kg, up to 30 mm off the platform's centre and below it."""
     rng, n = np.random.default_rng(seed), len(q)
     centre = rng.uniform([-0.03, -0.03, -0.05], [0.03, 0.03, 0.0], (n, 3))
     return replace(
@@ -43,7 +43,7 @@ def loaded(q, seed=2, centred=False) -> Conditions:
 
 
 def predicted(effects, values, at, geometry=None):
-    """Platform's centre by the chain with these effects of these sizes, (n, 3) [m]."""
+    """Platform centre by the chain with these effects of these sizes, (n, 3) [m]."""
     chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
     g = chain.mechanism.parameters.nominal if geometry is None else geometry
     theta = chain.join(g, np.zeros(3), Frame.identity())
@@ -52,7 +52,7 @@ def predicted(effects, values, at, geometry=None):
 
 
 def with_rods(change):
-    """The other machine, each rod longer by (6,) [m]."""
+    """The other machine, with each rod longer by (6,) [m]."""
     errors = {}
     for leg, (a, b) in enumerate(change.reshape(3, 2), start=1):
         errors |= {f"rod_{leg}": (a + b) / 2, f"rod_mismatch_{leg}": b - a}
@@ -60,10 +60,10 @@ def with_rods(change):
 
 
 def settled(at, longer):
-    """Centre of the other machine's platform, (n, 3) [m], rods under the forces they then bear.
+    """Platform centre of the other machine, (n, 3) [m], with rods under their final forces.
 
-    `longer` is what forces (6,) [N] make of the rods [m]. NaN where none is found that agrees, as
-    where a rod that is let go of would be pulled again.
+    `longer` converts forces (6,) [N] to elongations [m]. NaN where no consistent solution is
+    found, as where a rod that is released would be in tension again.
     """
     points = np.full((len(at), 3), np.nan)
     for row in range(len(at)):
@@ -78,14 +78,14 @@ def settled(at, longer):
 
 
 def balls(q, machine=MACHINE):
-    """Ball joints at the elbows and at the platform, two of (n, 6, 3); centre and orientation."""
+    """Ball joints at the elbows and at the platform, both (n, 6, 3); centre and orientation."""
     centre, turn = machine.pose(q)
     lower = np.stack([centre + turn.apply(ball) for ball in machine.platform], axis=1)
     return machine.elbows(q), lower, centre, turn
 
 
 def energy(q, at):
-    """Potential of every mass where it is, uniform rods by their ends, (n,) [J]."""
+    """Potential energy of all masses, with uniform rods as masses at their ends, (n,) [J]."""
     upper, lower, centre, turn = balls(q)
     height = PLATFORM_KG * centre[:, 2] + ROD_KG / 2 * (upper + lower)[..., 2].sum(axis=1)
     for leg in range(3):
@@ -96,9 +96,9 @@ def energy(q, at):
 
 
 def rod_forces(at, machine=MACHINE):
-    """Pull of each rod by the equilibrium of the platform, six equations, (n, 6) [N].
+    """Tension of each rod by the equilibrium of the platform, six equations, (n, 6) [N].
 
-    A rod hands half of its weight to the platform, at its ball joint.
+    A rod transmits half of its weight to the platform, at its ball joint.
     """
     upper, lower, centre, turn = balls(at.joint, machine)
     along = upper - lower
@@ -125,7 +125,7 @@ def test_a_drive_carries_the_slope_of_the_energy(model: str) -> None:
 
 @both_models
 def test_rods_stretch_by_the_pull_that_holds_the_platform(model: str) -> None:
-    """The machine with each rod as long as its pull makes it."""
+    """Compared with a machine whose rods have the lengths that result from their tensions."""
     at, compliance = loaded(Q, centred=model == "rotary_delta"), 4e-7
     force = rod_forces(at).reshape(-1, 3, 2)
     pairs = force.mean(axis=2)
@@ -146,7 +146,7 @@ def test_rods_stretch_by_the_pull_that_holds_the_platform(model: str) -> None:
 
 
 def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
-    """Rods of one pair may be on different sides, where the load turns the platform."""
+    """Rods of one pair may be at different ends where the load turns the platform."""
     q = np.random.default_rng(3).uniform([0.3, -0.1, -0.1], [0.9, 0.3, 0.3], (60, 3))
     at, clearance = loaded(q), 3e-5
     sides = np.sign(rod_forces(at))
@@ -157,17 +157,17 @@ def test_a_ball_joint_has_its_play_on_the_side_it_is_pulled_to() -> None:
     found = np.isfinite(pulled).all(axis=1)
     assert found.sum() >= 59
     np.testing.assert_allclose(moved[found], pulled[found], atol=1e-12)
-    # A rod that is pulled when short and pushed when long is somewhere in its play.
+    # A rod in tension when short and in compression when long is somewhere in its clearance.
     middle = MACHINE.point(q[~found])
     assert np.abs(moved[~found] - middle).max(initial=0.0) < 5 * clearance
 
 
 def bits(q, at, machine=MACHINE):
-    """Masses (n, k) [kg] and places (n, k, 3) of all that moves, bars by Gauss's points."""
+    """Masses (n, k) [kg] and positions (n, k, 3) of all moving parts, bars by Gauss points."""
     upper, lower, centre, turn = balls(q, machine)
     share, weight = np.polynomial.legendre.leggauss(4)
     share, weight = (share + 1) / 2, weight / 2
-    taper = 1.3 - 0.6 * share  # of an arm's section, so that its centre is at 0.45
+    taper = 1.3 - 0.6 * share  # of an arm's section: its centre is at 0.45
     kg, where = [PLATFORM_KG, at.payload], [centre, centre + turn.apply(at.payload_centre)]
     for leg in range(3):
         hinge = MACHINE.turn[leg].apply(MACHINE.hinge[leg])
@@ -183,7 +183,7 @@ def bits(q, at, machine=MACHINE):
 
 @both_models
 def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
-    """D'Alembert on a motion through each pose, every bit of mass followed in time."""
+    """D'Alembert on a motion through each pose, with every mass point differentiated in time."""
     rng, t, at = np.random.default_rng(4), 1e-3, loaded(Q)
     v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
     at = replace(at, velocity=v, acceleration=a)
@@ -198,7 +198,7 @@ def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
     spring = np.einsum("njj->nj", effect("joint_compliance", model).columns(at))
     at_rest_ = np.einsum("njj->nj", effect("joint_compliance", model).columns(loaded(Q)))
     np.testing.assert_allclose(spring - at_rest_, columns, atol=1e-9)  # one spring for both
-    other_way = replace(at, velocity=-v)  # the same circle the other way round
+    other_way = replace(at, velocity=-v)  # the same circle in the other direction
     np.testing.assert_allclose(
         effect("dynamic_deflection", model).columns(other_way)[..., 0], columns, atol=1e-9
     )
@@ -207,7 +207,7 @@ def test_a_drive_gives_way_to_the_work_of_its_inertia(model: str) -> None:
 
 @both_models
 def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
-    """D'Alembert: the work of all that is accelerated where a pair of rods is made longer."""
+    """D'Alembert: the work of all inertia forces when a pair of rods is lengthened."""
     rng, t, at = np.random.default_rng(6), 1e-3, loaded(Q, centred=True)
     v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
     mass, here = bits(Q, at)
@@ -225,7 +225,7 @@ def test_rods_carry_the_inertia_of_what_they_hold(model: str) -> None:
 
 
 def pressed(mass, push, where):
-    """Force and moment about the base's origin of bits of mass (n, b) on the base, (n, 6)."""
+    """Force and moment of mass points (n, b) on the base about its origin, (n, 6)."""
     force = -mass[..., None] * (push + np.array([0.0, 0.0, GRAVITY]))
     return np.concatenate([force.sum(axis=1), np.cross(where, force).sum(axis=1)], axis=1)
 
@@ -237,7 +237,7 @@ def reaction(model: str, at) -> np.ndarray:
 
 @both_models
 def test_the_base_bears_all_that_is_held_and_accelerated(model: str) -> None:
-    """Newton and Euler on every bit of mass, followed in time; but for what never changes."""
+    """Newton-Euler for every mass point, differentiated in time; constant loads are left out."""
     rng, t, at = np.random.default_rng(14), 1e-3, loaded(Q)
     v, a = rng.uniform(-2, 2, Q.shape), rng.uniform(-20, 20, Q.shape)
     mass, here = bits(Q, at)
@@ -255,7 +255,7 @@ def test_the_base_bears_all_that_is_held_and_accelerated(model: str) -> None:
 
 
 def test_the_moment_on_the_base_is_the_slope_of_its_energy() -> None:
-    """By complex step: the whole machine is turned by i e, its potential's imaginary part / e."""
+    """By complex step: the machine is turned by i e; its potential's imaginary part / e."""
     at, e = loaded(Q), 1e-20
     mass, where = bits(Q, at)
     for axis in np.eye(3):
@@ -266,11 +266,11 @@ def test_the_moment_on_the_base_is_the_slope_of_its_energy() -> None:
 
 
 def test_a_base_on_four_springs() -> None:
-    """Equilibrium of a base on feet, each with its springs to all sides, worked out by hand."""
+    """Equilibrium of a base on feet, each with springs in all directions, derived by hand."""
     corners = [[x, y, -1.4] for x in (-0.4, 0.4) for y in (-0.4, 0.4)]
     stiff = 1e6  # [N/m] of a foot
     matrix = np.zeros((6, 6))
-    for foot in np.array(corners):  # what a foot does to the base that is moved by (d, b)
+    for foot in np.array(corners):  # force of a foot on the base displaced by (d, b)
         moves = np.hstack([np.eye(3), np.array([np.cross(axis, foot) for axis in np.eye(3)]).T])
         matrix += stiff * moves.T @ moves
     at = replace(loaded(Q), velocity=0 * Q + 1.0, acceleration=0 * Q + [9.0, -7.0, 4.0])
@@ -290,7 +290,7 @@ def test_a_base_on_four_springs() -> None:
 
 
 def test_what_a_scara_of_uniform_links_presses_on_its_base() -> None:
-    """Two bars and a payload, cut into bits, by differences in time."""
+    """Two bars and a payload, divided into points, by differences in time."""
     robot, n, t = load_robot("scara"), 8, 1e-3
     rng = np.random.default_rng(15)
     q = rng.uniform(-2, 2, (n, 2))
@@ -313,12 +313,12 @@ def test_what_a_scara_of_uniform_links_presses_on_its_base() -> None:
     push = (where(q + v * t + a * t**2 / 2) - 2 * here + where(q - v * t + a * t**2 / 2)) / t**2
     found = effect_named("base_compliance", robot, robot.model(), {}).nominal(at).of("reaction")
     np.testing.assert_allclose(found, pressed(mass, push, here), rtol=1e-4, atol=1e-3)
-    assert np.abs(found[:, 5]).max() > 1.0  # about the upright axis: by acceleration only
+    assert np.abs(found[:, 5]).max() > 1.0  # about the vertical axis: by acceleration only
 
 
 @pytest.mark.parametrize("end", [-1.0, 1.0])
 def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> None:
-    """Half of the rod's weight along it is more at the elbow, and less at the platform."""
+    """Half of the rod's weight along it is added at the elbow, and subtracted at the platform."""
     q = np.random.default_rng(3).uniform([0.3, -0.1, -0.1], [0.9, 0.3, 0.3], (60, 3))
     at, clearance = loaded(q), 3e-5
     upper, lower, _, _ = balls(q)
@@ -339,7 +339,7 @@ def test_a_worn_ball_joint_changes_over_where_its_own_pin_does(end: float) -> No
 
 @both_models
 def test_play_leans_where_the_load_is_more_than_friction(model: str) -> None:
-    """sign(load) there, the side of the last motion elsewhere; a payload may change it over."""
+    """sign(load) there, the side of the last motion elsewhere; a payload may change it."""
     rng, step, friction = np.random.default_rng(7), 1e-5 * np.eye(3), 5.0
     q = rng.uniform([0.3, -0.4, -0.4], [1.1, 0.6, 0.6], (60, 3))
     at = replace(loaded(q), direction=rng.choice([-1.0, 1.0], q.shape), travel=np.ones_like(q))
@@ -356,7 +356,7 @@ def test_play_leans_where_the_load_is_more_than_friction(model: str) -> None:
 
 
 def play(path, gap):
-    """Joint less motor of a gap as a state: the joint waits until the motor takes it along."""
+    """Joint minus motor, backlash as a state: the joint waits until the motor takes it along."""
     joint = np.empty_like(path)
     joint[0] = path[0]
     for i in range(1, len(path)):
@@ -365,7 +365,7 @@ def play(path, gap):
 
 
 def test_backlash_is_a_play_on_a_long_random_way() -> None:
-    """Strokes of 2 to 80 mrad there and back, the whole history of two hundred turns."""
+    """Strokes of 2 to 80 mrad back and forth, the whole history of two hundred reversals."""
     rng, gap = np.random.default_rng(5), np.array([3e-4, 8e-4, 1.5e-3])
     turns = np.cumsum(rng.uniform(2e-3, 0.08, (200, 3)) * np.array([[1], [-1]] * 100), axis=0)
     gone = np.linspace(0, 1, 400, endpoint=False)[:, None] * np.diff(turns, axis=0)[:, None]
@@ -375,11 +375,11 @@ def test_backlash_is_a_play_on_a_long_random_way() -> None:
     moved = effect("backlash").refined(gap).columns(at) @ gap
     state = np.column_stack([play(path[:, j], gap[j]) for j in range(3)])
     known = gone > 2.1e-4  # less could be the noise of an encoder
-    known[:400] &= gone[:400] > gap  # where the play stood at first nobody knows
+    known[:400] &= gone[:400] > gap  # the initial side is unknown
     assert known.mean() > 0.9
     assert np.abs(moved - state)[known].max() < 1e-12
     crossing = known & (np.abs(state) < 0.49 * gap)
-    assert (crossing.sum(axis=0) > 200).all()  # and not the ends alone
+    assert (crossing.sum(axis=0) > 200).all()  # not the ends alone
     assert np.abs(moved - state)[400:].max() <= gap.max()
 
 
@@ -403,7 +403,7 @@ def test_friction_lets_go_by_stribecks_law() -> None:
 
 
 def test_a_harmonic_goes_on_beyond_a_turn() -> None:
-    """Over seven turns 33.5 cycles a turn are one line of the spectrum; wrapped they are not."""
+    """Over eight turns 33.5 cycles a turn are one spectral line; wrapped they are not."""
     n, turns, size, phase = 4096, 8, 1.3e-4, 0.7
     q = np.tile((2 * np.pi * turns * np.arange(n) / n)[:, None], 3)
     e = effect("transmission_error", cycles=33.5)
@@ -416,7 +416,7 @@ def test_a_harmonic_goes_on_beyond_a_turn() -> None:
 
 
 def test_a_second_order_of_a_train_is_a_line_of_its_own() -> None:
-    """33 and 66 cycles a turn, of another size and phase each: two lines, and nothing else."""
+    """33 and 66 cycles per turn, each with its size and phase: two lines, and nothing else."""
     n, turns = 4096, 2
     q = np.tile((2 * np.pi * turns * np.arange(n) / n)[:, None], 3)
     e = effect("transmission_error", cycles=33.0, second=2.0)
@@ -431,7 +431,7 @@ def test_a_second_order_of_a_train_is_a_line_of_its_own() -> None:
 
 
 def test_an_eccentric_disc_read_by_one_head() -> None:
-    """A disc of 40 mm, 10 um off its axis: 103 seconds of arc, and where they are."""
+    """A disc of 40 mm, 10 um off its axis: 103 arc seconds, at the right angles."""
     radius, off, place = 0.02, 10e-6, 0.8
     true = np.linspace(-2.0, 5.0, 300)
     middle = off * np.exp(1j * (true + place))  # of the disc, about the axis; the head is at 0
@@ -448,7 +448,7 @@ def test_an_eccentric_disc_read_by_one_head() -> None:
 
 
 def test_counts_a_turn_entered_wrong() -> None:
-    """80 000 counts taken for 80 020: the joint goes farther than it is told."""
+    """80 000 counts entered as 80 020: the joint moves farther than commanded."""
     true = Q
     told = np.round(true * 80_000 / (2 * np.pi) * 1e6) / 1e6 * 2 * np.pi / 80_020
     moved = effect("joint_scale").columns(at_rest(told)) @ np.full(3, 80_020 / 80_000 - 1)
@@ -456,7 +456,7 @@ def test_counts_a_turn_entered_wrong() -> None:
 
 
 def test_a_part_warms_up_as_newton_says() -> None:
-    """dT/dt = (T_end - T) / tau; arms as long as they are then."""
+    """dT/dt = (T_end - T) / tau, with arms of the resulting length."""
     time, tau, growth = np.linspace(0, 5400, 12), 1500.0, 2e-4
     warm = solve_ivp(lambda t, s: (1 - s) / tau, (0, 5400), [0.0], t_eval=time, rtol=1e-10)
     at = replace(at_rest(Q[:12]), time=time)
@@ -468,7 +468,7 @@ def test_a_part_warms_up_as_newton_says() -> None:
 
 @pytest.mark.parametrize("celsius", [5.0, 20.0, 44.0])
 def test_a_machine_of_one_metal_only_grows_larger(celsius: float) -> None:
-    """With a platform that grows as well, every place is farther out by alpha dT."""
+    """If the platform grows as well, every position is farther out by alpha dT."""
     parts, share = ("base", "forearm", "arm"), 23e-6 * (celsius - 20.0)
     at = replace(at_rest(Q), temperature_parts=parts, temperature=np.full((len(Q), 3), celsius))
     each = [effect(f"thermal_growth_{part}", sensor=part) for part in parts]
@@ -479,7 +479,7 @@ def test_a_machine_of_one_metal_only_grows_larger(celsius: float) -> None:
 
 
 def test_an_encoder_that_creeps_and_a_coupling_that_slips() -> None:
-    """30 urad an hour from the start; 80 urad from one moment on."""
+    """30 urad an hour from the start; 80 urad from a certain time on."""
     at = replace(at_rest(Q), time=np.linspace(0.0, 5400.0, len(Q)))
     slip = np.array([8e-5, 0.0, -8e-5])
     both = [effect("joint_zero_drift"), effect("joint_zero_drift", step_at=1800.0)]
@@ -490,7 +490,7 @@ def test_an_encoder_that_creeps_and_a_coupling_that_slips() -> None:
 
 
 def test_a_tracker_that_creeps_moves_all_as_one_body() -> None:
-    """About its own origin, by a rotation and a shift that settle together."""
+    """A rotation and a shift about its own origin that settle together."""
     rng, tau = np.random.default_rng(6), 1200.0
     y, time = rng.uniform(1.0, 3.0, (50, 3)), rng.uniform(0.0, 7200.0, 50)
     shift, turn = np.array([4e-5, -2e-5, 3e-5]), np.array([2e-5, 1e-5, -3e-5])
@@ -504,7 +504,7 @@ def test_a_tracker_that_creeps_moves_all_as_one_body() -> None:
 
 
 def test_a_tracker_in_wrong_air_reads_every_distance_too_long() -> None:
-    """From the tracker on: directions stay, distances between places grow as much."""
+    """As seen from the tracker directions are kept, and all distances grow by the same factor."""
     scale = 27e-6
     y = np.random.default_rng(7).uniform(1.0, 3.0, (50, 3))
     at = replace(at_rest(np.zeros((50, 3))), reading=y)

@@ -1,4 +1,4 @@
-"""An encoder that divides its periods unevenly: who is asked for it, and what is named."""
+"""Tests of encoder interpolation errors: for which machines they are tried, and what is named."""
 
 from __future__ import annotations
 
@@ -51,14 +51,14 @@ def test_signals_off_their_ideal_are_told_by_what_the_law_says(name: str, stated
     m = arm.joints
     values = np.repeat([one, -two, -more / 2, -skew / 2], m) / stated
     shift = effect.columns(at_rest(angle)) @ values
-    expected = -off / stated + skew / 2 / stated  # what is always the same is the joint's zero
+    expected = -off / stated + skew / 2 / stated  # the constant part is the joint's zero
     np.testing.assert_allclose(shift, expected, atol=3e-5 / stated)
     assert np.abs(shift).max() > 3e-3 / stated
 
 
 @pytest.mark.slow
 def test_it_is_named_with_its_figures() -> None:
-    """A SCARA with encoders of 1024 lines at its joints, a third of a percent of a period."""
+    """A SCARA with encoders of 1024 lines at its joints, 0.3 % of a period."""
     trial = hide({CAUSE: 0.3}, 5, "rich", robot="scara")
     robot = stating("scara", LINES)
     verdict = diagnose(survey(trial.session, robot.joints.names), robot, seed=5).verdict

@@ -1,4 +1,4 @@
-"""Every robot of the package: planned, simulated, fitted, and what is hidden in it found."""
+"""Every robot of the package is planned, simulated, fitted, and its hidden cause is found."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from delta_calibration.simulation import (
     standing,
 )
 
-# A cause of its own for each, and a plan that shows it.
+# A cause for each robot, and a plan that shows it.
 HIDDEN = {
     "cdpr8": ("cable_elasticity", "identify"),
     "five_axis": ("slider_pitch", "identify"),
@@ -50,7 +50,7 @@ def measured(name: str, effect: str, plan: str, count: int, seed: int):
 
 @cache
 def fitted(name: str):
-    """What is made of a robot without a hidden cause, and where it was measured."""
+    """Fit of a robot without a hidden cause, and the conditions of its measurement."""
     robot, seen = measured(name, "", "identify", 40, 3)
     return identify(seen.poses, robot), seen.poses.conditions
 
@@ -70,7 +70,7 @@ def test_plans_reach_what_they_say(name: str) -> None:
 
 
 def test_a_fit_without_bounds_gives_no_calibration(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No drawing of ours is so near singular everywhere: what one would give stands in."""
+    """No robot of the package is singular everywhere: the result of such a fit is patched in."""
     robot, seen = measured("linear_delta", "", "identify", 12, 1)
     lost = lambda known, spread: np.full_like(known.information, np.nan)  # noqa: E731
     monkeypatch.setattr(Known, "covariance", lost)
@@ -82,14 +82,14 @@ def test_a_fit_without_bounds_gives_no_calibration(monkeypatch: pytest.MonkeyPat
 def test_a_fit_predicts_to_the_noise(name: str) -> None:
     found, _ = fitted(name)
     before, after = found.frame_only, found.full
-    assert after.held_out < 0.6 * before.held_out  # of five_axis 7 um are left, 3.6 um are noise
+    assert after.held_out < 0.6 * before.held_out  # five_axis: 7 um, of it 3.6 um noise
     assert after.held_out_whitened < 1.5 < 1.75 < before.held_out_whitened
     assert 0.7 < found.chi_square < 1.4
 
 
 @pytest.mark.parametrize("name", known_robots())
 def test_a_machine_measured_twice_has_not_moved(name: str) -> None:
-    """Compared at joints that fit together, whatever their number, and where a pose exists."""
+    """Compared at consistent joints for any number of joints, and where a pose exists."""
     shift = pytest.importorskip("delta_calibration.report.drift", exc_type=ImportError).shift
     robot, seen = measured(name, "", "identify", 40, 3)
     first = from_identification(identify(seen.poses, robot), robot, seen.poses)
@@ -104,7 +104,7 @@ def test_a_machine_measured_twice_has_not_moved(name: str) -> None:
 
 @pytest.mark.parametrize("name", known_robots())
 def test_what_the_data_do_not_set_does_not_show(name: str) -> None:
-    """A gauge: moved along a combination that is said not to be set, no reading changes."""
+    """Gauge: a change along a combination reported as unidentifiable changes no reading."""
     found, at = fitted(name)
     seen = found.observability
     assert len(seen.redundancies) == seen.columns - seen.rank > 0
@@ -119,7 +119,7 @@ def test_what_the_data_do_not_set_does_not_show(name: str) -> None:
     for unset in seen.redundancies:
         alone = (np.array(names) == unset.parameter).astype(float)
         way = alone - sum(value * (np.array(names) == n) for n, value in unset.same_as)
-        # of the 20 um that parts are moved against each other; small shares go unnamed
+        # of the 20 um by which parts are moved against each other; small shares are not listed
         assert moves(way) < 1e-7
         assert not unset.same_as or moves(alone) > 1e-6
 
@@ -127,7 +127,7 @@ def test_what_the_data_do_not_set_does_not_show(name: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(HIDDEN))
 def test_a_cause_of_its_own_is_named(name: str) -> None:
-    """Among it and all causes whose shape need not be searched."""
+    """Among it and all causes whose shape needs no search."""
     cause, plan = HIDDEN[name]
     robot, seen = measured(name, f"{cause}:strength=3", plan, 24 if plan == "identify" else 12, 5)
     every = catalogue(robot, robot.model())
@@ -150,6 +150,6 @@ def test_a_linear_delta_is_compensated() -> None:
     assert len(inside) >= 10
     meant = disc.target[inside]
     seen_at = [machine.tool_points(standing(q[inside])) for q in (disc.joint, done.joint)]
-    # the shape alone: where the base stands is the frame's business
+    # Only the shape: the frame absorbs the position of the base.
     before, after = (np.abs(align(at, meant).apply(at) - meant).max() for at in seen_at)
     assert after < 0.2 * before

@@ -1,4 +1,4 @@
-"""What to measure next is computed: it holds when it is measured, and names what nobody listed."""
+"""Tests of recommended measurements: they are computed and confirmed when carried out."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ ROBOT = load_robot("srbd")
 
 
 def measured(plan, seed=5):
-    """The evidence of a simulated session."""
+    """Evidence of a simulated session."""
     session = simulate_session(draw_machine(ROBOT, seed), plan, seed)
     return calibrated(survey(session, ROBOT.joints.names), ROBOT).evidence
 
@@ -65,7 +65,7 @@ def contrast(evidence, first, second):
     return pair.contrast(pair.products(evidence), evidence.precision[layout.base], layout.geometry)
 
 
-# What is proposed
+# Recommendations
 
 
 def test_a_second_payload_shows_compliance_beside_geometry(poor):
@@ -95,7 +95,7 @@ def test_warmth_shows_what_grows(poor):
 
 @pytest.mark.parametrize("against", [None, "forearm_length", "every length"])
 def test_a_common_scale_takes_a_scale_bar(poor, against):
-    """No motion of the cell tells the tracker's scale from all lengths being too long."""
+    """No motion of the cell separates the tracker's scale from a scale of all lengths."""
     first = effect("tracker_scale", poor)
     second = None
     if against == "every length":
@@ -135,11 +135,11 @@ def test_a_second_payload_is_another_where_one_was_there(poor):
     )
 
 
-# What it rests on
+# Basis of the recommendations
 
 
 def test_products_of_parts_add_up_to_the_evidences_own(poor):
-    """Against the inner products of the whole evidence, computed another way."""
+    """Compared with the inner products of the whole evidence, computed in another way."""
     both = measured(make_plan("rich", ROBOT, count=14, dwell=0.3))
     for evidence in (poor, both):
         columns = columns_of(effect("encoder_eccentricity", evidence), evidence)
@@ -168,7 +168,7 @@ def test_poses_foreseen_where_poses_were_have_their_columns(poor):
 
 
 def test_the_signal_foreseen_is_the_one_that_is_then_measured(poor):
-    """A session of the same machine with the proposed stops in it, fitted anew."""
+    """A session of the same machine that includes the recommended stops, fitted again."""
     first = effect("joint_compliance", poor)
     outlook = Outlook.on(poor, ROBOT)
     number = next(i for i, said in enumerate(outlook.sentences) if "payload" in said)
@@ -193,7 +193,7 @@ def test_the_signal_foreseen_is_the_one_that_is_then_measured(poor):
 
 
 def test_visibility_is_the_information_of_a_typical_size(poor):
-    """Beside the frame alone and beside geometry too; a scale hides in the geometry."""
+    """Beside the frame alone and beside geometry too; the geometry absorbs a scale."""
     scale = effect("tracker_scale", poor)
     columns = columns_of(scale, poor)
     expected = [e.information(columns)[0, 0] for e in (without_geometry(poor), poor)]
@@ -206,7 +206,7 @@ def test_visibility_is_the_information_of_a_typical_size(poor):
 
 
 def test_signs_are_free_where_a_parameter_may_have_either(poor):
-    """Compliances add up, as none is negative; zero drifts do not."""
+    """Compliances add up because none is negative; zero drifts do not."""
     for cause, together_ in (("joint_compliance", True), ("joint_zero_drift", False)):
         candidate = effect(cause, poor)
         information = poor.information(columns_of(candidate, poor))
@@ -214,7 +214,7 @@ def test_signs_are_free_where_a_parameter_may_have_either(poor):
         assert visibility(poor, candidate.effect)[1] == pytest.approx(expected, rel=1e-5)
 
 
-# What is proposed can be done
+# Recommendations are feasible
 
 
 def test_proposals_keep_to_limits_and_reach(poor):
@@ -226,7 +226,7 @@ def test_proposals_keep_to_limits_and_reach(poor):
     nominal = mechanism.parameters.nominal
     assert (mechanism.condition(joint, mechanism.forward(joint, nominal), nominal) < 20).all()
     assert (outlook.foreseen.at.time > poor.at.time.max()).all()
-    used = Outlook.on(poor).foreseen.at.joint  # without a robot: no farther than the session went
+    used = Outlook.on(poor).foreseen.at.joint  # without a robot: no farther than the session
     assert (used >= poor.at.joint.min(axis=0)).all()
     assert (used <= poor.at.joint.max(axis=0)).all()
 
@@ -247,7 +247,7 @@ def test_paths_of_several_experiments_stay_apart(poor):
     assert (both.path[:30] != both.path[30:60])[:20].all()
 
 
-# Sessions that lack things
+# Sessions with missing data
 
 
 def test_nothing_known_of_payload_or_direction_is_no_crash(poor):

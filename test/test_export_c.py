@@ -1,4 +1,4 @@
-"""Machines printed as C, compiled here and held against the package's own compensation."""
+"""Tests of machines exported as C, compiled here and compared with the package's compensation."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MACHINES = [
     ("scara", None),
     ("ur10", None),
 ]
-SAME = 1e-10  # of a joint
+SAME = 1e-10  # of the joint unit
 WARM = 20e-6  # [1/K]
 MAPS = {
     "position": {"width": 0.4, "centres": [0.1, 0.2, 0.1, 0.5, 0.0, 0.4]},
@@ -55,14 +55,14 @@ MAPS = {
 
 
 def with_effects(robot, model, causes=None, scale=0.5):
-    """A machine with all effects that a command can be corrected for, or some."""
+    """A machine with all effects for which a command can be corrected, or some of them."""
     mechanism = chain_of(robot, model).mechanism
     effects, values = [], []
     rng = np.random.default_rng(7)
     for effect in catalogue(robot, mechanism):
         if causes is not None and effect.cause not in causes:
             continue
-        *_, effect = effect.forms()  # the one of most parameters
+        *_, effect = effect.forms()  # the one with most parameters
         value = scale * effect.parameters.prior * rng.uniform(0.3, 0.9, len(effect.parameters))
         effect = effect.refined(value)
         if hasattr(effect, SENSOR):
@@ -76,7 +76,7 @@ def with_effects(robot, model, causes=None, scale=0.5):
 
 @pytest.fixture(scope="module", name="with_all")
 def with_all_fixture(tmp_path_factory):
-    """Machines with all effects, and their C; each is compiled once."""
+    """Machines with all effects, and their C code; each is compiled once."""
 
     @cache
     def made(name, model):
@@ -87,10 +87,10 @@ def with_all_fixture(tmp_path_factory):
 
 
 def held_against(calibration, made, n, far=0, least=0.8):
-    """Correct commands both ways, and compare; what became of each command.
+    """Correct commands both ways and compare; return the verdicts.
 
     Far from any pose the steps of Newton's method go anywhere, and rounding decides whether they
-    meet one: a few of the far commands may be told otherwise.
+    reach one: a few of the far commands may have other verdicts.
     """
     q = commands(calibration.robot, calibration.chain.mechanism, n, far)
     at = moving(q, made.parts, calibration.chain.mechanism.joint_size)
@@ -128,7 +128,7 @@ def test_effects_take_part(name, model, with_all):
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "model"), MACHINES)
 def test_each_effect_by_itself(name, model, tmp_path):
-    """Not optimised, as where all take part it is: these are a hundred programs."""
+    """Not optimised, unlike those with all effects: these are about a hundred programs."""
     robot = load_robot(name)
     for effect in catalogue(robot, chain_of(robot, model).mechanism):
         calibration = with_effects(robot, model, [effect.cause], 1.0)

@@ -1,4 +1,4 @@
-"""`delta-cal export`: files of every format, and what is refused."""
+"""Tests of `delta-cal export`: files of every format, and refusals."""
 
 from __future__ import annotations
 
@@ -184,7 +184,7 @@ def test_effects_take_part_in_points(files, tmp_path, capsys):
     assert run([*asked, "--payload", "1"]) == 0
     with out.open() as file:
         points = np.array([[float(v) for v in row.values()] for row in csv.DictReader(file)])
-    assert np.abs(points[0] - points[2]).max() > 0.01  # play: from another side
+    assert np.abs(points[0] - points[2]).max() > 0.01  # backlash: from another side
     np.testing.assert_allclose(
         tool_frames(robot, joints_toward(robot, 1e-3 * points))[0], 1e-3 * points, atol=1e-11
     )

@@ -1,4 +1,4 @@
-"""The five-axis machine: its closure against plain geometry, modes, rank, the paper's trial."""
+"""Tests of the five-axis machine: closure against geometry, modes, rank, the paper's trial."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ HIDDEN = ("platform_x_3", "slider_x_3", "platform_x_4", "slider_x_4")
 
 
 def poses(n: int, seed: int = 0) -> np.ndarray:
-    """Over the workspace of the paper's arcs: y, z [m], A, B [rad]."""
+    """Poses over the workspace of the paper's arcs: y, z [m], A, B [rad]."""
     low, high = [-0.1, 0.95, -0.35, -0.35], [0.1, 1.15, 0.35, 0.35]
     return np.random.default_rng(seed).uniform(low, high, (n, 4))
 
 
 def machine(seed: int, scale: float = 100.0) -> np.ndarray:
-    """Wrong by `scale` times what is expected: millimetres."""
+    """Parameters with errors of `scale` times the expected ones: millimetres."""
     rng = np.random.default_rng(seed)
     return NOMINAL + scale * MACHINE.parameters.prior * rng.standard_normal(len(NOMINAL))
 
 
 def joints_in_space(x: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Platform joints and slider joints at q = 0 of one pose in the base, each (4, 3) [m]."""
+    """Platform joints and slider joints at q = 0 for one pose, in the base, each (4, 3) [m]."""
     y, z, a, b = x
-    both = Rotation.from_euler("XY", [a, b])  # capitals: about the axes as they have turned
+    both = Rotation.from_euler("XY", [a, b])  # capitals: about the rotated axes
     only_x = Rotation.from_euler("X", a)
     ends = g.reshape(4, 2, 3)
     turned = [t.apply(p) for t, p in zip((both, both, only_x, only_x), ends[:, 0], strict=True)]
@@ -73,7 +73,7 @@ def test_working_mode_is_two_sliders_over_and_two_under_the_platform():
 
 
 def test_assembly_mode_is_never_left():
-    """No pose of the workspace is singular, and the direct problem ends on one side of them."""
+    """No pose of the workspace is singular; the forward kinematics stay on one side of them."""
     x = np.concatenate([trial.MEASURED, poses(500, seed=4)])
     q = MACHINE.inverse(x, NOMINAL)
     reached = MACHINE.forward(q, NOMINAL)
@@ -105,7 +105,7 @@ def test_twenty_of_twenty_four_errors_show_and_the_others_are_named():
 
 
 def test_a_joint_error_reaches_the_tip_about_doubled():
-    """By machines drawn at random, beside the slope."""
+    """By machines drawn at random, compared with the derivative."""
     q, rng = MACHINE.inverse(trial.MEASURED, NOMINAL), np.random.default_rng(10)
     moved = [
         trial.tip(MACHINE.forward(q, NOMINAL + 1e-5 * rng.standard_normal(24)))
@@ -141,7 +141,7 @@ def test_parameters_say_cause_place_and_size():
 
 
 def cell() -> tuple[Chain, np.ndarray]:
-    """A tracker that looks at the tool's tip; every part a little wrong."""
+    """A tracker that measures the tool tip; every parameter has an error."""
     chain = Chain(MACHINE, MACHINE.tool, 1e-3)
     frame = Frame.from_vector(np.array([0.1, -0.2, 2.0, 1.0, 2.0, 0.3]))
     return chain, chain.join(machine(8, 1.0), MACHINE.tool + 1e-3, frame)
@@ -191,7 +191,7 @@ def test_singular_directions_reach_the_printed_figures_where_raw_parameters_do_n
     assert within_print(found["least squares (Gauss-Newton)"])
     for name in ("PSO", "APSO", "QPSO, plain", "QPSO, stepwise by settled parameters"):
         assert not within_print(found[name])
-        assert found[name].deviation < 0.02e-3  # and yet the swarm has understood something
+        assert found[name].deviation < 0.02e-3  # and yet the swarm has found a part of it
 
 
 def test_under_noise_the_swarm_is_as_good_as_least_squares():
@@ -201,13 +201,13 @@ def test_under_noise_the_swarm_is_as_good_as_least_squares():
         trial.trial(methods[name], 3, noise)
         for name in ("least squares (Gauss-Newton)", "QPSO, stepwise by singular direction")
     )
-    assert exact.error > 1e-6  # no search can find what the data do not hold
+    assert exact.error > 1e-6  # no search can find what the data do not contain
     assert swarm.error == pytest.approx(exact.error, rel=1e-3)
     assert swarm.deviation == pytest.approx(exact.deviation, rel=1e-3)
 
 
 def test_noise_is_that_of_the_tip():
-    """Tip and angles scatter as asked; the centre's place follows from both."""
+    """Tip and angles scatter as requested; the centre's position follows from both."""
     noise = trial.Noise(2e-6, 5e-6)
     still = np.zeros(len(trial.FREE))
     seen = np.stack(

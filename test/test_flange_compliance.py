@@ -1,4 +1,4 @@
-"""A tool on a flange that gives: its law against screws of a hidden one, and what is named."""
+"""Tests of a tool on a compliant flange: its law against screws, and what is named."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GRAVITY = 9.80665
 
 
 def moving(robot, n: int = 8):
-    """An arm on its way with a payload beside the tool's axis."""
+    """An arm in motion with a payload off the tool's axis."""
     rng, arm = np.random.default_rng(4), robot.model()
     joint = arm.home + rng.uniform(-0.4, 0.4, (n, arm.joints))
     return replace(
@@ -33,7 +33,7 @@ def moving(robot, n: int = 8):
 
 
 def accelerations(arm, at, local) -> np.ndarray:
-    """Of a point of the tool, by differences of where it is along the motion, (n, 3)."""
+    """Acceleration of a point of the tool, by finite differences along the motion, (n, 3)."""
     step, g = 1e-3, arm.parameters.nominal
 
     def where(t: float) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_the_force_on_the_flange_is_newton_s(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["ur10", "scara"])
 def test_a_point_of_the_tool_goes_where_six_screws_let_it(name: str) -> None:
-    """Springs of their own places and strains, in equilibrium with the payload."""
+    """Springs with their own positions and strains, in equilibrium with the payload."""
     robot = load_robot(name)
     arm, at, behind, ring, one = robot.model(), moving(robot), 0.15, 0.06, 2e6
     effect = effect_named(CAUSE, robot, arm, {"behind": behind})
@@ -102,7 +102,7 @@ def test_arms_have_flanges_and_nothing_is_carried_without_a_payload() -> None:
 
 @pytest.mark.slow
 def test_it_is_named_with_its_figures() -> None:
-    """Screws of a foreign generator, a lambda of 400: who named nothing saw structure."""
+    """Screws of the independent generator, lambda 400; earlier, unknown structure was reported."""
     said = judge(Task("test", 3, ((CAUSE, 400.0),), robot="ur10").key)
     assert [finding["cause"] for finding in said["findings"]] == [CAUSE]
     assert not said["unknown"]

@@ -1,4 +1,4 @@
-"""A fleet on a cluster: nothing lost, nothing twice, a bad session told, stopped and gone on."""
+"""A fleet on a cluster: nothing lost or done twice, bad sessions reported, runs can be resumed."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from delta_calibration.history.store import Entry, open_store
 ROOT = Path(__file__).parents[1]
 QUICK = Settings(quick=True)
 ONCE = Settings(quick=True, compare=False)
-SESSIONS = 4  # of each of two machines
+SESSIONS = 4  # for each of two machines
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +62,7 @@ def folder(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def client() -> Iterator[distributed.Client]:
-    """A cluster of one thread in this process: what is in memory:// is seen by it."""
+    """A cluster of one thread in this process, which can see memory://."""
     with distributed.Client(
         processes=False, n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as client:
@@ -70,7 +70,7 @@ def client() -> Iterator[distributed.Client]:
 
 
 class Heard:
-    """Remembers what a run tells."""
+    """Records the results of a run."""
 
     def __init__(self) -> None:
         self.results: list[tuple[Result, bool]] = []
@@ -94,7 +94,7 @@ ALL = sorted(f"press_{n}/day_{day}" for n in (1, 2) for day in range(SESSIONS))
 
 @pytest.fixture
 def cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, subprocess.Popen[bytes]]]]:
-    """A scheduler and two workers, a process each: its address, and the workers by name."""
+    """A scheduler and two workers, each a process: its address, and the workers by name."""
     file, environment = tmp_path / "scheduler.json", child_environment()
     environment["PYTHONPATH"] = str(ROOT)
     log = (tmp_path / "cluster.log").open("wb")
@@ -127,13 +127,13 @@ def cluster(tmp_path: Path) -> Iterator[tuple[str, dict[str, subprocess.Popen[by
 
 
 def test_a_local_cluster_has_as_many_workers_as_are_asked_for() -> None:
-    asked = (os.cpu_count() or 1) + 1  # another number than where none is given
+    asked = (os.cpu_count() or 1) + 1  # another number than the default
     with local_cluster(None, asked, 1.0) as client:
         assert len(client.nthreads()) == asked
 
 
 class Disturbed(Heard):
-    """Kills the worker with most work when the first result is there; stops at the third."""
+    """Kills the worker with most work at the first result; stops at the third."""
 
     def __init__(
         self, client: distributed.Client, workers: dict[str, subprocess.Popen[bytes]]
@@ -215,7 +215,7 @@ def test_a_bad_session_is_told_and_the_others_go_on(
     with open_store(str(tmp_path / "h.sqlite"), make=True) as store:
         ledger, heard, again, tried = Ledger(store), Heard(), Heard(), Heard()
         run(client, machines(mine), ledger, ONCE, heard)
-        assert len(heard.added()) == 1  # of two with the same content
+        assert len(heard.added()) == 1  # one of two with the same content
         (failure,) = heard.of(Failure)
         assert isinstance(failure, Failure)
         assert (failure.machine, failure.id) == ("b", "bad")
@@ -262,7 +262,7 @@ def test_the_machines_of_a_history_are_worked_through(
 def test_sessions_of_few_places_wait_for_the_others(
     folder: Path, robot: Robot, tmp_path: Path, client: distributed.Client
 ) -> None:
-    """They are fitted with what those say, are done then, and are told where there are none."""
+    """They are fitted with the information of the others, and reported if there are none."""
     mine = tmp_path / "fleet"
     plan = make_plan("identify", robot, count=6, seed=1)
     for name, seed in (("a", 0), ("b", 1)):

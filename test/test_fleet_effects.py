@@ -1,4 +1,4 @@
-"""Priors of effects: what most machines of a fleet have is expected of the next one."""
+"""Priors of effects: an effect of most machines of a fleet is expected in the next one."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_frequent_causes_are_likelier_and_chance_raises_as_many_alarms() -> None
     weights = dict(population.weights(causes))
     assert weights["a"] == pytest.approx(2.4)
     assert sum(weights.values()) == pytest.approx(len(causes))
-    assert population.weights([*causes, "new"]) == ()  # of which the fleet says nothing
+    assert population.weights([*causes, "new"]) == ()  # the fleet has no information on it
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def seen(robot: Robot, drawn: TrueMachine, places: int, seed: int) -> Survey:
 
 @pytest.fixture(scope="module")
 def fleet(robot: Robot) -> list[Fitted]:
-    """Five machines with play, and one without."""
+    """Five machines with backlash, and one without."""
     found = []
     for seed in range(6):
         session = seen(robot, machine(robot, seed, float(seed < 5)), 24, seed)
@@ -93,7 +93,7 @@ def priors(robot: Robot, fleet: list[Fitted], tmp_path_factory: pytest.TempPathF
 
 
 def error(population: Population | None, robot: Robot, drawn: TrueMachine, places: int) -> float:
-    """Of a fit at places that it has not seen, from both sides [m RMS]."""
+    """RMS error of a fit at places that it does not contain, from both sides [m]."""
     fit = identify(seen(robot, drawn, places, 60).poses, robot, population=population)
     plan = make_plan("identify", robot, count=40, seed=9)
     session = simulate_session(drawn, plan, 61)
@@ -117,7 +117,7 @@ def test_the_file_tells_in_how_many_machines_a_cause_is(priors: Path, robot: Rob
 
 
 def test_a_fit_of_few_places_has_the_effects_of_the_fleet(priors: Path, robot: Robot) -> None:
-    """From half the places better than by tolerances, and than by the dimensions alone."""
+    """From half the places better than with tolerances, and than with the dimensions alone."""
     population, drawn = read_priors(priors, robot), machine(robot, 50)
     dimensions = replace(
         population,
@@ -135,7 +135,7 @@ def test_a_fit_of_few_places_has_the_effects_of_the_fleet(priors: Path, robot: R
 def test_an_odd_machine_is_not_given_the_play_of_the_others(
     strength: float, priors: Path, robot: Robot
 ) -> None:
-    """Of a crowd that is as tight as a prior can be; it would be, were none supposed odd."""
+    """With the narrowest possible prior; without odd machines in the model it would be."""
     found, drawn = read_priors(priors, robot), machine(robot, 51, strength)
     tight = replace(found, spread=np.append(found.spread[:-3], np.full(3, 1e-4)))
     poses = seen(robot, drawn, 8, 62).poses
@@ -167,7 +167,7 @@ def test_a_diagnosis_by_priors_says_so_and_is_no_evidence(
 def test_a_diagnosis_tells_the_drawing_before_and_the_fleet_behind(
     priors: Path, robot: Robot, tmp_path: Path
 ) -> None:
-    """What is told of the machine as drawn does not go by what the fleet says."""
+    """Values reported for the nominal machine do not depend on the fleet's priors."""
     session = seen(robot, machine(robot, 53), 14, 64)
     plain = diagnose(session, robot)
     told = diagnose(session, robot, population=read_priors(priors, robot))

@@ -1,4 +1,4 @@
-"""What is known to be done of a fleet, on SQLite and on a real PostgreSQL."""
+"""Tests of the ledger of a fleet, on SQLite and on a real PostgreSQL."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ __all__ = ["server", "url"]  # fixtures
 
 BEGAN = datetime(2026, 1, 2, tzinfo=timezone.utc)
 ROBOT, HASH = "srbd", "h" * 64
-VERDICT = {"findings": [], "note": "null"}  # the word is no missing verdict
+VERDICT = {"findings": [], "note": "null"}  # the word is not a missing verdict
 
 
 def entry(number: int, **more: object) -> Entry:
-    """A session that was fitted."""
+    """A fitted session."""
     values = {
         "machine": "m",
         "id": f"day_{number}",
@@ -58,7 +58,7 @@ def entry(number: int, **more: object) -> Entry:
 
 @pytest.mark.parametrize("verdict", [None, {**VERDICT, "extended": {"held_out_rms_mm": 0.02}}])
 def test_the_error_that_is_told_is_that_of_a_fit(verdict: dict[str, object] | None) -> None:
-    """Of all sessions alike: one that was diagnosed has the error of held-out sectors as well."""
+    """The same for all sessions: a diagnosed one has the error of held-out sectors as well."""
     assert entry(0, verdict=verdict).error_left_mm == 0.015
 
 
@@ -70,7 +70,7 @@ def test_a_result_is_written_once(url: str) -> None:
         assert not ledger.keep(entry(0, id="the same elsewhere"), ROBOT, HASH)
         assert ledger.taken(entry(0, sha256="another"))
         assert not ledger.taken(entry(0))
-        with pytest.raises(InputError):  # by the database, whatever a program thinks
+        with pytest.raises(InputError):  # by the database, independent of programs
             store.add(entry(0, id="the same elsewhere"), ROBOT, HASH)
     with open_store(url) as store:
         assert [each.id for each in store.sessions("m")] == ["day_0"]
@@ -87,7 +87,7 @@ def test_a_fit_is_done_where_no_verdict_is_asked_and_an_update_in_any_case(url: 
         assert ledger.done("m", quick=False) == {"hash 1", "hash 2"}
         assert ledger.done("another", quick=True) == frozenset()
         assert ledger.keep(entry(0, verdict=VERDICT), ROBOT, HASH)  # diagnosed since
-        assert not ledger.keep(entry(0), ROBOT, HASH)  # a fit does not take its place
+        assert not ledger.keep(entry(0), ROBOT, HASH)  # a fit does not replace it
         assert ledger.done("m", quick=False) == {"hash 0", "hash 1", "hash 2"}
         assert store.sessions("m")[0].verdict == VERDICT
 
@@ -123,7 +123,7 @@ def test_the_last_comparison_is_kept(url: str) -> None:
 def test_a_fleet_is_worked_through_into_either_database(
     url: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Twice: nothing is done again; and its page is made of what is there."""
+    """A second run does nothing; the page is made from the ledger."""
     robot = load_robot("srbd")
     for day in range(2):
         machine = visited(draw_machine(robot, 3, 1.0), robot, 3, day + 1)

@@ -1,4 +1,4 @@
-"""How machines of a fleet stand, what they share, and the page of it."""
+"""Tests of the states of a fleet's machines, their shared causes, and the page."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from delta_calibration.report.fleet import page_of_fleet
 
 DAY = datetime(2026, 6, 1, tzinfo=timezone.utc)
 LATELY = timedelta(days=90)
-CAUSES, PLACES = 22, 3  # that a diagnosis looks for
+CAUSES, PLACES = 22, 3  # for which a diagnosis searches
 
 
 def verdict(
     *causes: tuple[str, str | None], left: float = 0.015, **shape: float
 ) -> dict[str, Any]:
-    """A verdict with these causes; each is worth 0.04 mm beside what is left."""
+    """A verdict with these causes; each contributes 0.04 mm in addition to the residual."""
     findings = [
         {
             "cause": cause,
@@ -53,7 +53,7 @@ def verdict(
 
 
 def known(name: str, last: dict[str, Any] | None, ago: float = 10.0, **more: Any) -> Known:
-    """A machine of two sessions, the last so many days ago."""
+    """A machine with two sessions, the last of them `ago` days old."""
     sessions = tuple(
         Measured(f"s{k}", DAY - timedelta(days=ago + 30 * (1 - k)), last, 0.015, 0.01, 48)
         for k in range(2)
@@ -73,7 +73,7 @@ def test_a_machine_has_the_first_state_that_is_true_of_it() -> None:
     unknown["unknown_structure"] = {"found": True, "moves_with": "time", "rms_mm": 0.02}
     backlash = verdict(("backlash", "joint_1"))
     assert stands("a", verdict()).state == FINE
-    assert stands("a", verdict(("arm_length", "joint_1"))).state == FINE  # calibrated away
+    assert stands("a", verdict(("arm_length", "joint_1"))).state == FINE  # removed by calibration
     assert stands("a", backlash).state == CAUSE
     assert stands("a", verdict(), ago=100).state == STALE
     assert stands("a", backlash, changes=(CHANGE,)).state == DRIFTED
@@ -96,7 +96,8 @@ def test_what_is_at_stake_says_what_to_visit_first() -> None:
     cause = stands("cause", verdict(("backlash", "joint_1")))
     assert cause.stake_mm == pytest.approx(0.04)
     drift = stands("drift", verdict(), changes=(CHANGE,))
-    # lambda is the sum of (moved / noise of a coordinate)^2 over three coordinates of 48 poses
+    # Lambda is the sum of (displacement / noise of a coordinate)^2 over three coordinates of 48
+    # poses.
     assert drift.stake_mm == pytest.approx(0.01 * np.sqrt(5e3 / (3 * 48)))
     old, older = stands("old", verdict(), ago=100), stands("older", verdict(), ago=200)
     fine = stands("fine", verdict())
@@ -105,7 +106,7 @@ def test_what_is_at_stake_says_what_to_visit_first() -> None:
 
 
 def fleet(rng: np.random.Generator, rates: np.ndarray, batch: int = 0) -> list[Standing]:
-    """200 machines with causes by chance, the first so many with the same gear's order."""
+    """200 machines with random causes, the first `batch` with the same gear order."""
     found = []
     for number in range(200):
         has = np.flatnonzero(rng.random(len(rates)) < rates)
@@ -119,7 +120,7 @@ def fleet(rng: np.random.Generator, rates: np.ndarray, batch: int = 0) -> list[S
 
 
 def test_a_bad_batch_of_gears_shows_as_one() -> None:
-    """At any joint: by the order that they have in common."""
+    """At any joint, by their common order."""
     rng = np.random.default_rng(5)
     shared = shared_causes(fleet(rng, np.full(CAUSES, 0.01), batch=20), CAUSES, PLACES)
     assert [each.what for each in shared] == ["transmission error of order 27"]
@@ -129,7 +130,7 @@ def test_a_bad_batch_of_gears_shows_as_one() -> None:
 
 @pytest.mark.parametrize("spread", [0.0, 1.0])
 def test_causes_by_chance_are_not_shared(spread: float) -> None:
-    """Of equal rates and of rates that differ e-fold from cause to cause."""
+    """With equal rates, and with rates whose logarithm scatters between causes."""
     rng = np.random.default_rng(6)
     alarms = 0
     for _ in range(12):
@@ -143,13 +144,13 @@ def test_the_chance_is_the_binomial_one_where_all_rates_are_alike() -> None:
     counts = np.full(400, 2.0)
     expected, p = chance_of(counts, 0, 200)
     assert expected == pytest.approx(2.0, rel=0.01)
-    assert p == pytest.approx(0.594, abs=0.01)  # of 2 or more, of 200 with 0.01 each
+    assert p == pytest.approx(0.594, abs=0.01)  # 2 or more of 200, with 0.01 each
     counts[0] = 9.0
     assert chance_of(counts, 0, 200)[1] < 1e-3
 
 
 def test_what_is_only_perhaps_shared_is_told_as_such() -> None:
-    """And how many machines have each cause, shared or not."""
+    """And the number of machines with each cause, shared or not."""
     machines = [
         stands(f"press_{n}", verdict(("backlash", "joint_1")) if n < 3 else verdict())
         for n in range(8)

@@ -1,4 +1,4 @@
-"""Priors from a fleet: a population that others drew is found, and odd machines are left alone."""
+"""Priors from a fleet: a known population is found, and odd machines are not pulled towards it."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from delta_calibration.simulation import draw_machine, simulate_session
 
 Array = NDArray[np.float64]
 
-SIZE, SEEN = 12, 9  # dimensions, and combinations of them that each machine's data show
+SIZE, SEEN = 12, 9  # dimensions, and combinations of them that a machine's data determine
 
 
 def machines(
     rng: np.random.Generator, count: int, mean: Array, spread: Array
 ) -> tuple[Likelihood, Array]:
-    """Machines as numpy draws them: normal dimensions, seen through a matrix with noise."""
+    """Machines drawn by numpy: normal dimensions, measured through a matrix with noise."""
     dimensions = mean + spread * rng.standard_normal((count, SIZE))
     return seen(rng, dimensions), dimensions
 
@@ -100,12 +100,12 @@ def test_what_no_session_shows_keeps_the_tolerance() -> None:
 
 @pytest.mark.parametrize(("value", "odd"), [(0.55, False), (4.0, True), (-4.0, True)])
 def test_a_dimension_is_drawn_to_the_crowd_only_where_it_belongs(value: float, odd: bool) -> None:
-    """Seen with an error of 0.2: one within the crowd is drawn to it, a far one stays."""
+    """Measured with an error of 0.2: one near the population is pulled, a far one is not."""
     crowd = Population(np.array([0.5]), np.array([0.05]), np.array([0.01]))
     data = Likelihood(np.array([[25.0]]), np.array([25.0 * value]))
     found = believe(data, crowd)
     assert (found.crowd[0] < 0.01) == odd
-    if odd:  # as the tolerance alone has it
+    if odd:  # as by the tolerance alone
         np.testing.assert_allclose(found.mean, 25 * value / 26, rtol=1e-3)
     else:
         assert abs(found.mean[0] - 0.5) < 0.01
@@ -135,7 +135,7 @@ def fleet(robot: Robot) -> list[Fitted]:
 def test_a_calibration_divided_by_its_prior_gives_itself_back(
     robot: Robot, fleet: list[Fitted]
 ) -> None:
-    """What a fit said of its dimensions, times the tolerances again, is the fit."""
+    """The likelihood of a fit, multiplied by the tolerances again, is the fit."""
     calibration = fleet[0].calibrations[0]
     assert calibration.uncertainty is not None
     geometry = calibration.chain.layout.geometry
@@ -199,7 +199,7 @@ def test_a_fit_by_priors_is_no_evidence_of_a_population(
 def test_a_machine_unlike_any_other_is_not_explained_as_noise(
     robot: Robot, odd: float, most: float
 ) -> None:
-    """Of a crowd that is far tighter, even of one that knows no odd ones."""
+    """With a much narrower population, even one that allows for no odd machines."""
     size = len(chain_of(robot).mechanism.parameters)
     tight = Population(np.full(size, 0.3), np.full(size, 0.05), np.full(size, odd))
     poses = poses_of(robot, 3)

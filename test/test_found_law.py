@@ -1,4 +1,4 @@
-"""Laws of what has no name: products, files, and equations against a generator of its own."""
+"""Tests of found laws: products, files, and equations compared with the blind generator."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ MECHANISM = ROBOT.model()
 
 @cache
 def seen(kind: str, seed: int, strength: float) -> tuple[Diagnosis, Cause]:
-    """A session with a structure in it, diagnosed without the effect of that name."""
+    """Diagnosis of a session with a hidden structure, without the effect of that name."""
     trial = hide({kind: strength}, seed)
     every = tuple(e for e in catalogue(ROBOT, MECHANISM) if e.cause != kind)
     found = diagnose(survey(trial.session, ROBOT.joints.names), ROBOT, effects=every, seed=seed)
@@ -58,7 +58,7 @@ def start_fixture():
 
 
 def test_products_are_those_of_the_evidence(start) -> None:
-    """Worked out shape by shape, and by the columns of each law as it is compiled."""
+    """Computed shape by shape, and by the columns of each compiled law."""
     evidence = start.evidence
     signals = signals_of(evidence, ROBOT)
     every = list(Grammar(ROBOT, evidence, signals).laws())
@@ -78,7 +78,7 @@ def test_products_are_those_of_the_evidence(start) -> None:
 
 @pytest.mark.parametrize("number", range(3))
 def test_a_law_in_another_shape_is_what_all_together_are(start, number: int) -> None:
-    """What does not change of it is kept; the case is that of the columns anew."""
+    """Unchanged parts are kept; the result equals that of new columns."""
     evidence = start.evidence
     screen = Screen(evidence, signals_of(evidence, ROBOT))
     targets = [Target(f"joint_{j + 1}", f"dq_{j + 1}", ((j, 1.0),), "rad", j) for j in range(3)]
@@ -145,7 +145,7 @@ def test_a_name_that_is_none_of_an_effect_is_refused(name: str) -> None:
 
 
 def value_of(law: FoundEquation, **inputs: float | np.ndarray) -> np.ndarray:
-    """The equation's right side, by Python's own arithmetic."""
+    """Right side of the equation, by Python's own arithmetic."""
     names = {"sin": np.sin, "cos": np.cos, "tanh": np.tanh, "exp": np.exp, "sign": np.sign}
     names |= {"max": np.maximum, "min": np.minimum, "abs": np.abs}
     letters = {name: estimate.value for name, estimate in law.values.items()}
@@ -154,7 +154,7 @@ def value_of(law: FoundEquation, **inputs: float | np.ndarray) -> np.ndarray:
 
 
 def likeness(found: np.ndarray, true: np.ndarray, of: np.ndarray) -> float:
-    """R^2, without what a line of the variable makes of both: the geometry takes that up."""
+    """R^2 after subtracting a line of the variable from both: the geometry absorbs it."""
     line = np.stack([np.ones_like(of), of], axis=1)
     left = [y - line @ np.linalg.lstsq(line, y, rcond=None)[0] for y in (found, true)]
     return float(np.corrcoef(*left)[0, 1] ** 2)
@@ -165,7 +165,7 @@ def test_a_cover_that_arms_rub_on_is_an_equation_of_each_joints_angle() -> None:
     found, _ = seen("unknown:rub", 515, 0.2)
     laws = found.verdict.unknown_structure.laws
     assert [law.part for law in laws] == ["joint_1", "joint_2", "joint_3"]
-    rng = np.random.default_rng([515, 2])  # the generator's draw: where it begins, how much
+    rng = np.random.default_rng([515, 2])  # the generator's draw: begin and size
     begins = rng.uniform(0.05, 0.3, 3)
     for j, law in enumerate(laws):
         assert law.stage == "drive"
@@ -188,7 +188,7 @@ def test_growth_that_is_not_in_the_catalogue_is_one_of_the_arms_temperature() ->
         assert law.stage == "structure"
         assert law.variables == ("temperature_arm",)
         slope = law.values[f"a_{law.part[-1]}"]
-        true = 0.32 * float(cause.values["expansion"])  # the arm's length [m]
+        true = 0.32 * float(cause.values["expansion"])  # length of the arm [m]
         assert slope.unit == "m/K"
         assert abs(slope.value - true) < 3.5 * slope.std
 
@@ -203,7 +203,7 @@ def test_structure_without_an_equation_is_given_none() -> None:
 
 @pytest.mark.slow
 def test_a_law_as_an_effect_of_ones_own_is_found_by_name(tmp_path: Path) -> None:
-    """The file is the law; with it the same session has a cause that a fit knows."""
+    """The file contains the law; with it the same session has a cause that a fit knows."""
     found, _ = seen("unknown:rub", 515, 0.2)
     module = loaded(effect_file(found.laws[0].guess, "rubbing_cover", "Seen."), tmp_path)
     own = module.RubbingCover(ROBOT, MECHANISM)

@@ -1,8 +1,8 @@
-"""Hostile input: damaged and forged files and messages end in the package's own errors only.
+"""Hostile input: damaged and forged files and messages raise only the package's own errors.
 
-Every input is made from a sound one, by damage to its bytes or by a hostile value in its place. A
-calibration is sealed anew, so that what lies behind the seal is reached. The draws are the same in
-every run. An alarm ends what hangs, and the peak of memory is looked at.
+Every input is made from a valid one, by damage to its bytes or by a hostile value. A calibration
+is sealed again, so that the code after the check of the seal is reached. The draws are the same in
+every run. An alarm ends tests that hang, and the peak of memory is checked.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ MOST_BYTES = 1 << 30
 
 
 def seeded(count: int) -> settings:
-    """So many examples, the same in every run."""
+    """This many examples, the same in every run."""
     return settings(
         max_examples=count,
         derandomize=True,
-        phases=[Phase.generate],  # a failure is told at once, not made smaller first
+        phases=[Phase.generate],  # a failure is reported at once, without shrinking
         deadline=None,
         database=None,
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
@@ -110,7 +110,7 @@ HOSTILE: list[Any] = [
 
 
 def damaged(sound: bytes) -> st.SearchStrategy[bytes]:
-    """A file with bytes overwritten, cut, doubled and put in."""
+    """A file with bytes overwritten, removed, duplicated and inserted."""
     at = st.floats(0.0, 1.0)
     change = st.one_of(
         st.tuples(st.just("set"), at, st.binary(min_size=1, max_size=8)),
@@ -139,7 +139,7 @@ def _applied(data: bytes, steps: list[Any]) -> bytes:
 
 
 def forged(sound: Any) -> st.SearchStrategy[Any]:
-    """A document with hostile values in the place of some of its own, or with entries gone."""
+    """A document with hostile values in place of some of its own, or with entries removed."""
     places = list(_places(sound))
     step = st.tuples(st.sampled_from(places), st.sampled_from([*HOSTILE, "GONE"]))
     return st.lists(step, min_size=1, max_size=3).map(lambda steps: _replaced(sound, steps))
@@ -166,7 +166,7 @@ def _replaced(sound: Any, steps: list[Any]) -> Any:
             else:
                 inner[path[-1]] = deepcopy(value)
         except (KeyError, IndexError, TypeError):
-            continue  # an earlier step took the place away
+            continue  # an earlier step removed the place
     return data
 
 
@@ -239,7 +239,7 @@ def attempt(file: Path, data: bytes, use: Callable[[Path], object]) -> None:
 
 @pytest.fixture(scope="module", name="calibration")
 def calibration_fixture(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A calibration with an effect in it, as the package writes it."""
+    """A calibration with effects, as the package writes it."""
     machine = draw_machine(SRBD, 5)
     session = simulate_session(machine, make_plan("identify", SRBD, count=15, dwell=0.4), 5)
     poses = collect(session, SRBD.joints.names)
@@ -395,7 +395,7 @@ def test_a_damaged_urdf(tmp_path: Path, data: bytes, front: bytes) -> None:
 @seeded(40)
 @given(st.data())
 def test_a_damaged_workbook(tmp_path: Path, data: st.DataObject) -> None:
-    """Bytes of the packed file, or of a sheet that is packed soundly again."""
+    """Damage to the bytes of the packed file, or to a sheet that is packed correctly again."""
     book, packed = Workbook(), BytesIO()
     for line in TABLE.decode().splitlines():
         book.active.append(line.split(","))

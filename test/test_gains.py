@@ -1,4 +1,4 @@
-"""Largest and smallest gain of a matrix, as the guard against singular poses takes them."""
+"""Tests of the largest and smallest gain of a matrix, used by the guard against singular poses."""
 
 from __future__ import annotations
 

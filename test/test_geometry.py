@@ -1,4 +1,4 @@
-"""Rotations against scipy and complex steps; frames compose; alignment finds or refuses."""
+"""Tests of rotations against scipy and complex steps, of frames, and of alignment."""
 
 from __future__ import annotations
 

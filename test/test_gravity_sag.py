@@ -1,4 +1,4 @@
-"""Arms whose joints give way to weights that nobody has stated."""
+"""Tests of arms with compliant joints whose masses are not stated."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ FILES = "benchmarks/real_arms"
 
 
 def heights(arm, q, moments):
-    """Sum of the height of each link's first moment, by rotations of scipy alone."""
+    """Sum of the heights of the links' first moments, by scipy's rotations alone."""
     turn, place, total = Rotation.identity(), np.zeros(3), 0.0
     for i, link in enumerate(arm.dimensions.links):
         turn = turn * Rotation.from_rotvec([link.twist, 0.0, 0.0])
@@ -42,14 +42,14 @@ def heights(arm, q, moments):
 
 
 def test_a_joint_turns_by_the_slope_of_the_weights_height():
-    """Torque is the slope of the potential energy: what it does to each joint, by differences."""
+    """Torque is the derivative of potential energy; its effect on each joint, by differences."""
     robot = load_robot("ur10")
     arm = robot.model()
     effect = GravitySag(robot, arm)
     rng = np.random.default_rng(3)
     moments = rng.normal(size=(6, 3))
     names = [p.name.split("_")[1:] for p in effect.parameters]
-    # the same moments for all joints, as of one arm whose gears are alike
+    # The same moments for all joints, as for one arm with equal gears.
     values = np.array([moments[int(k[:-1]) - 1]["xyz".index(k[-1])] for _, k in names])
     for q in rng.uniform(-3.0, 3.0, (5, 6)):
         turned = (effect.columns(at_rest(q[None])) @ values)[0]
@@ -65,7 +65,7 @@ def test_a_joint_turns_by_the_slope_of_the_weights_height():
 def test_it_suits_arms_of_unknown_mass_that_bear_weight():
     robots = [load_robot(name) for name in ("scara", "ur10", "linear_delta", "srbd")]
     have = {r.name for r in robots if "gravity_sag" in {e.cause for e in catalogue(r, r.model())}}
-    assert have == {"ur10"}  # a SCARA's axes are upright, and its masses are known
+    assert have == {"ur10"}  # a SCARA's axes are vertical, and its masses are known
 
 
 def weighing(robot: Robot, masses: tuple[float, ...]) -> Robot:
@@ -76,7 +76,7 @@ def weighing(robot: Robot, masses: tuple[float, ...]) -> Robot:
 
 
 def test_weight_is_found_and_foretold_without_the_masses():
-    """The machine has masses and springs in its gears; who calibrates it knows of neither."""
+    """The machine has masses and compliant gears; the calibration knows neither."""
     plain = load_robot("ur10")
     heavy = weighing(plain, (7.8, 12.9, 4.3, 2.0, 2.0, 0.4))
     plan = make_plan("identify", plain, count=120, seed=5)
@@ -91,7 +91,7 @@ def test_weight_is_found_and_foretold_without_the_masses():
 
 
 def test_what_an_arm_carries_tells_how_its_joints_give_way():
-    """Links of known mass on springs, and two payloads: the springs, without those masses."""
+    """Links of known mass on springs, and two payloads: springs found without those masses."""
     plain, spring = load_robot("ur10"), 3e-5
     heavy = weighing(plain, (7.8, 12.9, 4.3, 2.0, 2.0, 0.4))
     plan = make_plan("rich", plain, count=25, seed=8, payload=4.0)
@@ -138,7 +138,7 @@ def imported(arm: str, folder) -> str:
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.is_dir(), reason="measurements of real machines are not there")
 def test_a_cable_driven_arm_has_play_and_gives_way(tmp_path):
-    """Barrett WAM: published is 2.92 mm on average with a graph network beside the geometry."""
+    """Barrett WAM: published is a mean of 2.92 mm with a graph network beside the geometry."""
     robot = load_robot(f"{FILES}/wam.yaml")
     path = imported("wam", tmp_path)
     start = calibrated(survey(read_session(path), robot.joints.names), robot)

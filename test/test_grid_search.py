@@ -1,4 +1,4 @@
-"""The grid search on plants of a few lines: the paper's SCARA, linear ones, noisy ones."""
+"""Tests of the grid search on simple plants: the paper's SCARA, linear ones, noisy ones."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from delta_calibration.errors import DataError, InputError
 
 Plant = Callable[[np.ndarray], np.ndarray]
 
-UNIT = np.pi / 18000  # [rad] 0.01 degree, which the paper prints as pi/1800
+UNIT = np.pi / 18000  # [rad] 0.01 degree, printed in the paper as pi/1800
 START = np.array([np.pi / 3, np.pi / 6])
 
 
 def scara(q: np.ndarray, l1: float = 500.0, l2: float = 500.0) -> np.ndarray:
-    """Paper 003, equation (4), in mm."""
+    """Forward kinematics of paper 003, equation (4), in mm."""
     return np.array(
         [
             l1 * np.cos(q[0]) + l2 * np.cos(q[0] + q[1]),
@@ -45,7 +45,7 @@ def settings(m: int = 2, unit: float = UNIT, bound: float = 0.05, **more: object
 
 
 def driven(search: GridSearch, plant: Plant) -> tuple[GridResult, np.ndarray]:
-    """The result, and every command on the way to it."""
+    """The result, and all commands on the way."""
     steps = []
     while not search.done:
         steps.append(search.step)
@@ -71,7 +71,7 @@ PRINTED = {  # target; nodes at k = 16, 8, 4, 2; error [mm]
         [249.8500, 933.0300],
         [[250.0000, 933.0127], [250.0000, 933.0127], [250.0000, 933.0127], [249.8255, 933.0127]],
         0.0300,
-    ),  # printed 0.0275, which its own coordinates do not give
+    ),  # printed 0.0275, which does not agree with its coordinates
 }
 
 
@@ -95,9 +95,8 @@ def test_the_printed_error_of_group_c_is_not_that_of_its_coordinates() -> None:
     assert round(float(np.linalg.norm(np.subtract(nodes[-1], target))), 4) == error != 0.0275
 
 
-# Table 2: wanted, before, after [mm], and the error printed beside them. It cannot be driven
-# again: neither joint commands nor the true machine are given, and half of the positions are out
-# of the robot's reach.
+# Table 2: wanted, before, after [mm], and the printed error. It cannot be repeated: neither joint
+# commands nor the true machine are given, and half of the positions are out of the robot's reach.
 TABLE_2 = np.array(
     [
         [[243.457, 932.466], [243.055, 932.133], [243.542, 932.430]],
@@ -112,8 +111,8 @@ PRINTED_ERROR = np.array([0.095, 0.089, 0.074, 0.065])
 def test_what_table_2_gives() -> None:
     """Its mean is that of the printed errors; the coordinates themselves are nearer.
 
-    The last two positions are farther from the origin than both links are long: they cannot be in
-    the frame of equation (4).
+    The last two positions are farther from the origin than the length of both links: they cannot
+    be in the frame of equation (4).
     """
     before, after = np.linalg.norm(TABLE_2[:, 1:] - TABLE_2[:, :1], axis=2).T
     assert round(PRINTED_ERROR.mean(), 3) == 0.081
@@ -126,9 +125,9 @@ def test_what_table_2_gives() -> None:
 
 
 def test_machines_as_far_off_as_table_2s_come_nearer_than_its_mean() -> None:
-    """Half a millimetre off by links and zeros, 20 um of repeatability as the paper says.
+    """Errors of half a millimetre by links and zeros, 20 um of repeatability as in the paper.
 
-    About the two positions of the table that the links reach.
+    At the two positions of the table that the links reach.
     """
     rng = np.random.default_rng(3)
     noise = 0.02  # [mm]
@@ -158,7 +157,7 @@ def test_machines_as_far_off_as_table_2s_come_nearer_than_its_mean() -> None:
     assert np.mean(after) < 0.081
 
 
-# --- the special cases, on plants that are a matrix (columns: the edges for one unit)
+# --- special cases, on plants that are a matrix (columns: the edges for one unit)
 
 
 def linear(edges: np.ndarray) -> Plant:
@@ -190,7 +189,7 @@ def test_at_the_circumcentre_the_shortest_move_wins(
 def test_what_repeatability_can_tell_apart_is_not_equal(
     noise: float, goes: tuple[int, int]
 ) -> None:
-    """A node nearer by 0.40 is worth the move, unless two distances differ by that anyway."""
+    """A node nearer by 0.40 is worth the move, unless differences of that size are noise."""
     edges = np.diag([1.0, 0.6])
     grid = settings(unit=1.0, bound=40.0, every_node=True, noise=noise, visits=1)
     found, _ = driven(GridSearch(np.zeros(2), edges @ [8.2, 2.0], grid), linear(edges))
@@ -209,7 +208,7 @@ def test_at_the_centre_of_a_cell_the_lattice_shrinks_to_three_quarters(every_nod
     assert [level.spacing for level in beside.levels] == [16, 8, 4, 2, 1]
 
 
-# --- what holds for any mechanism
+# --- properties for any mechanism
 
 
 @pytest.mark.parametrize("m", [1, 3, 4, 6])
@@ -239,7 +238,7 @@ def test_it_ends_where_no_neighbour_is_nearer(m: int, known: bool) -> None:
 
 
 def test_a_far_node_is_found_through_a_narrow_cell() -> None:
-    """Edges 6 degrees apart: sixteen units of one against thirty-two of the other are one step."""
+    """Edges 6 degrees apart: sixteen units of one and thirty-two of the other are one step."""
     edges = np.array([[1.0, 0.5], [-0.3, -0.1]])
     noise, rng = 0.1, np.random.default_rng(2)
     target = edges @ [16.2, -31.3]
@@ -256,7 +255,7 @@ def test_a_far_node_is_found_through_a_narrow_cell() -> None:
 
 
 def test_wrong_edges_cost_moves_and_no_accuracy() -> None:
-    """Turned by 40 degrees, as by a camera set up wrongly."""
+    """Edges rotated by 40 degrees, as by a camera set up wrongly."""
     edges, turn = np.array([[1.0, 0.2], [-0.1, 0.9]]), np.radians(40.0)
     turned = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ edges
     target = edges @ [13.2, -9.1]
@@ -374,7 +373,7 @@ def test_a_search_that_cannot_begin_says_why(
 
 
 def test_repeats_average_to_a_correction_with_its_uncertainty() -> None:
-    """Spread of the repeats over their root, and the rounding to command units beside it."""
+    """Standard error of the repeats, combined with the rounding to command units."""
     one, _ = driven(
         GridSearch(np.zeros(2), np.array([3.0, 4.0]), settings(unit=1.0, bound=40.0)),
         linear(np.eye(2)),

@@ -1,4 +1,4 @@
-"""One blind trial: a machine of the foreign generator, its session diagnosed and judged."""
+"""One blind trial: a machine of the independent generator, its session diagnosed and evaluated."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Tutorials as programs: their files are written and their commands run as published.
 
-A page is Markdown. A code block behind the comment `<!-- file: NAME -->` is a file to be saved
-under that name. A ```console block holds commands, `$ ` before the first line of each and `> `
-before the others, and what they print; `...` stands for anything. All commands of a page run in
+A page is Markdown. A code block after the comment `<!-- file: NAME -->` is a file to be saved
+under that name. A ```console block contains commands, with `$ ` before the first line of each and
+`> ` before the others, and their output; `...` stands for anything. All commands of a page run in
 one shell, one after the other, in an empty folder.
 """
 
@@ -25,7 +25,7 @@ _BLOCK = re.compile(r"(?:<!-- file: (\S+) -->\n+)?^```(\w*)\n(.*?)^```$", re.MUL
 
 @dataclass(frozen=True)
 class File:
-    """What a page asks to be saved."""
+    """A file that the reader of a page saves."""
 
     name: str
     text: str
@@ -33,7 +33,7 @@ class File:
 
 @dataclass(frozen=True)
 class Command:
-    """What a page asks to be typed, and what it says comes back."""
+    """A command that the reader of a page types, and its published output."""
 
     text: str
     expected: str
@@ -41,7 +41,7 @@ class Command:
 
 
 def steps(page: str) -> Iterator[File | Command]:
-    """Files and commands of a page, in its order."""
+    """Files and commands of a page, in order."""
     for block in _BLOCK.finditer(page):
         name, language, text = block.groups()
         if name:
@@ -63,22 +63,22 @@ def _commands(text: str, first: int) -> Iterator[Command]:
 
 
 def matches(printed: str, expected: str) -> bool:
-    """Whether what was printed is what was published; `...` is anything, also several lines."""
+    """Whether the output agrees with the published one; `...` is anything, also several lines."""
     if not expected:
-        return True  # a page need not show what a command says
-    # a line of dots is any number of lines, none as well
+        return True  # a page need not show the output of a command
+    # A line of dots is any number of lines, including none.
     lines = re.sub(r"^\.\.\.\n|\n\.\.\.$", "...", _tidy(expected), flags=re.MULTILINE)
     parts = [re.escape(part) for part in lines.split("...")]
     return re.fullmatch(".*".join(parts), _tidy(printed), re.DOTALL) is not None
 
 
 def _tidy(text: str) -> str:
-    """Without blanks at the ends of lines, and a blank line as any other."""
+    """Text without blanks at line ends, and without blank lines around it."""
     return "\n".join(line.rstrip() for line in text.strip().splitlines())
 
 
 def shell_environment(folder: Path) -> dict[str, str]:
-    """As after `make install` and `activate`; what pip installs goes into a folder of its own."""
+    """Environment as after `make install` and `activate`; pip installs into a temporary folder."""
     own = folder / "installed"
     variables = child_environment()
     sources = [str(own), str(ROOT), *variables.get("PYTHONPATH", "").split(os.pathsep)]
@@ -86,7 +86,7 @@ def shell_environment(folder: Path) -> dict[str, str]:
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), variables["PATH"]]),
         "PYTHONPATH": os.pathsep.join(filter(None, sources)),
         "PIP_TARGET": str(own),
-        "PIP_NO_BUILD_ISOLATION": "0",  # pip's own way of saying yes
+        "PIP_NO_BUILD_ISOLATION": "0",  # pip's spelling of yes
         "PIP_NO_INDEX": "1",
         "PIP_NO_DEPS": "1",
         "PIP_DISABLE_PIP_VERSION_CHECK": "1",
@@ -95,7 +95,7 @@ def shell_environment(folder: Path) -> dict[str, str]:
 
 
 def run_page(path: Path, folder: Path, seconds: float) -> None:
-    """Do what a page says in this folder.
+    """Execute a page in this folder.
 
     Raises:
         AssertionError: a command failed or printed something else; names its line.

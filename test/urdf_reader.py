@@ -1,6 +1,6 @@
-"""A URDF file read with the standard library alone, and where its links are.
+"""A reader of URDF files with the standard library alone, and the positions of their links.
 
-Shares no code with the package: rotations by scipy, transforms as 4 x 4 matrices.
+It shares no code with the package: rotations by scipy, transforms as 4 x 4 matrices.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class UrdfJoint:
 
 
 class Urdf:
-    """What the file says; the checks are those of the URDF specification."""
+    """Content of the file; the checks are those of the URDF specification."""
 
     def __init__(self, text: str) -> None:
         robot = ElementTree.fromstring(text)
@@ -51,7 +51,7 @@ class Urdf:
         return next(joint for joint in self.joints if joint.name == name)
 
     def place(self, link: str, values: Mapping[str, float]) -> np.ndarray:
-        """`T_root_link`, (4, 4): up the tree from the link."""
+        """`T_root_link`, (4, 4): composed from the link up to the root."""
         pose = np.eye(4)
         while link != self.root:
             joint = next(joint for joint in self.joints if joint.child == link)

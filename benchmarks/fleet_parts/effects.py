@@ -1,11 +1,11 @@
-"""What priors of a fleet bring where its machines hide the same causes.
+"""Benefit of the priors of a fleet whose machines have the same causes.
 
-Every machine has play and give in its joints, of sizes that spread by a share of their mean. The
-population of dimensions and effects is learnt from diagnoses; new machines are fitted from few
-places by tolerances, by what the fleet says of dimensions alone, and by all that it says; and
-diagnosed. The error is that of the model at places that were not measured, reached from both
-sides, against the simulated machine itself. Odd machines have no play at all, or three times as
-much.
+Every machine has backlash and compliance in its joints, with sizes that scatter by a fraction of
+their mean. The population of dimensions and effects is learnt from diagnoses. New machines are
+fitted from few places with the tolerances as priors, with the fleet's priors of the dimensions
+alone, and with all of its priors; and diagnosed. The error is that of the model at places that
+were not measured, reached from both sides, compared with the simulated machine. Odd machines have
+no backlash or three times as much.
 """
 
 from __future__ import annotations
@@ -32,21 +32,21 @@ from fleet_parts.priors import FEWEST, ODD, OFF, TESTED, poses_of, seen_at
 
 Array = NDArray[np.float64]
 
-CAUSES = ("backlash", "joint_compliance")  # of all machines, about a typical size each
+CAUSES = ("backlash", "joint_compliance")  # of all machines, each of about its typical size
 PLACES = (6, 8, 12, 16, 24)
 
 
 @dataclass(frozen=True)
 class Type:
-    """Machines of a type as they are drawn here."""
+    """Distribution from which the machines of a type are drawn."""
 
     robot: Robot
     mean: Array  # (p,) of the dimensions [tolerances]
-    own: Array  # (p,) their spread [tolerances]
-    spread: float  # of the sizes of the causes, of their typical one
+    own: Array  # (p,) scatter of the dimensions [tolerances]
+    spread: float  # relative scatter of the sizes of the causes
 
     def machine(self, seed: int, odd: float = 1.0) -> TrueMachine:
-        """One of them; with `odd` times the play of the others."""
+        """Draw one machine, with `odd` times the usual backlash."""
         rng = np.random.default_rng([seed, 19])
         sizes = 1.0 + self.spread * rng.standard_normal(len(CAUSES))
         sizes[0] *= odd
@@ -61,27 +61,27 @@ class Type:
 
 
 def measured(machine: TrueMachine, seed: int) -> Survey:
-    """A whole session of it, with all that a diagnosis wants."""
+    """Full session of a machine, with all data that a diagnosis needs."""
     robot = machine.robot
     session = simulate_session(machine, make_plan("rich", robot, count=30, seed=seed), seed)
     return survey(session, robot.joints.names, robot.commanded.joint_size)
 
 
 def elsewhere(machine: TrueMachine) -> Conditions:
-    """Places that were not measured, from both sides."""
+    """Places that were not measured, approached from both sides."""
     robot, plan = machine.robot, make_plan("identify", machine.robot, count=TESTED // 2, seed=99)
     session = simulate_session(machine, plan, 99)
     return collect(session, robot.joints.names, robot.commanded.joint_size).conditions
 
 
 def error_of(found: Identification, machine: TrueMachine, at: Conditions) -> float:
-    """Of the fitted model [m RMS], against the machine."""
+    """RMS error of the fitted model compared with the machine [m]."""
     off = found.chain.predict(at, found.theta) - machine.reflector_points(at)
     return float(np.sqrt(np.nanmean(np.sum(off**2, axis=1))))
 
 
 def effects(robot: Robot, spread: float, machines: int, trials: int, seed: int) -> None:
-    """Learn a population of dimensions and effects, and say what it brings."""
+    """Learn a population of dimensions and effects, and print its benefit."""
     rng = np.random.default_rng([seed, 18])
     size = len(robot.detailed.parameters)
     kind = Type(
@@ -134,7 +134,7 @@ Way = Callable[[TrueMachine, int, int], float]
 
 
 def _ways(robot: Robot, population: Population, size: int) -> dict[str, Way]:
-    """Fits by tolerances, by the fleet's dimensions, by all it says; and diagnoses."""
+    """Fits with tolerances, with the fleet's dimensions, with all its priors; and diagnoses."""
     dimensions = replace(
         population,
         mean=population.mean[:size],

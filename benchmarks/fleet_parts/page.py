@@ -24,7 +24,7 @@ from delta_calibration.simulation import draw_machine, simulate_session
 
 
 def page(robot: Robot, out: Path, seed: int) -> None:
-    """The page of 200 machines, their results made of one real fit and drawn verdicts."""
+    """Write the page of 200 machines; results are one real fit with random verdicts."""
     rng = np.random.default_rng([seed, 200])
     machine = draw_machine(robot, seed)
     plan = make_plan("identify", robot, count=24, seed=seed)
@@ -51,7 +51,7 @@ def _add_machine(
     day: datetime,
     rng: np.random.Generator,
 ) -> None:
-    """One machine with its sessions: most are fine, one in ten has a cause, a batch shares one."""
+    """Add a machine with sessions: most are fine, 12 % have a cause, a batch shares one."""
     name, sessions = f"press_{number:03d}", int(rng.integers(2, 6))
     last = day - timedelta(days=float(rng.exponential(30.0)))
     verdict = _verdict(fit, robot, number, rng)
@@ -79,7 +79,7 @@ def _add_machine(
 
 
 def _verdict(fit: Entry, robot: Robot, number: int, rng: np.random.Generator) -> dict[str, Any]:
-    """The verdict of a fit with what is drawn for a machine; 60 to 73 are of the batch."""
+    """Verdict of a fit with causes drawn for a machine; machines 60 to 73 are the batch."""
     assert fit.verdict is not None
     verdict: dict[str, Any] = {**fit.verdict, "findings": []}
     left = float(rng.lognormal(np.log(0.015), 0.15))

@@ -1,9 +1,9 @@
-"""What priors of a fleet bring to its next machines.
+"""Benefit of the priors of a fleet for its next machines.
 
-A hidden population (mean of a dimension half a tolerance off the drawing, spread a share of the
-tolerance) is learnt from fits of its machines; new machines are fitted from few places with the
-drawing's tolerances and with what was learnt. The error is that of the fitted model at places of
-the workspace that were not measured, against the simulated machine itself.
+A hidden population (the mean of a dimension half a tolerance off the drawing, scatter a fraction
+of the tolerance) is learnt from fits of its machines. New machines are fitted from few places,
+with the drawing's tolerances and with what was learnt as priors. The error is that of the fitted
+model at places of the workspace that were not measured, compared with the simulated machine.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from delta_calibration.simulation.machine import TrueMachine, standing
 Array = NDArray[np.float64]
 
 PLACES = (6, 8, 10, 12, 16, 20, 24)
-FEWEST = 12  # places of a fit by tolerances
+FEWEST = 12  # places for a fit with tolerances
 MOST = 48  # places of a full measurement
-OFF = 0.5  # [tolerances] of the population's mean, standard deviation
-ODD = 6.0  # [tolerances] of the odd dimension of an odd machine
-TESTED = 300  # joints at which errors are told
+OFF = 0.5  # [tolerances] standard deviation of the population's mean
+ODD = 6.0  # [tolerances] deviation of the odd dimension of an odd machine
+TESTED = 300  # joint positions at which errors are evaluated
 
 
 def drawn(robot: Robot, seed: int, deviation: Array) -> TrueMachine:
-    """A machine of these dimensions, in tolerances off the drawing, before a tracker."""
+    """A machine with these dimensions, in tolerances off the drawing, in front of a tracker."""
     machine = draw_machine(robot, seed, 1.0)
     parameters, theta = machine.chain.mechanism.parameters, machine.theta.copy()
     theta[machine.chain.layout.geometry] = parameters.nominal + parameters.prior * deviation
@@ -43,12 +43,12 @@ def drawn(robot: Robot, seed: int, deviation: Array) -> TrueMachine:
 
 
 def poses_of(machine: TrueMachine, places: int, seed: int) -> Poses:
-    """Its still moments at so many places, drawn from those of a full measurement."""
+    """Poses at rest at this many places, drawn from those of a full measurement."""
     return seen_at(machine, places, seed).poses
 
 
 def seen_at(machine: TrueMachine, places: int, seed: int) -> Survey:
-    """The same with its motion between them."""
+    """The same, with the motion between the places."""
     robot = machine.robot
     plan = make_plan("identify", robot, count=MOST, seed=seed)
     chosen = np.random.default_rng(seed).permutation(MOST)[:places]
@@ -65,7 +65,7 @@ def seen_at(machine: TrueMachine, places: int, seed: int) -> Survey:
 
 
 def error_of(found: Identification, machine: TrueMachine, at: Array) -> float:
-    """Of the fitted model at joints that were not measured [m RMS], against the machine."""
+    """RMS error of the fitted model at joint positions that were not measured [m]."""
     conditions = standing(at)
     off = found.chain.predict(conditions, found.theta) - machine.reflector_points(conditions)
     return float(np.sqrt(np.mean(np.sum(off**2, axis=1))))
@@ -74,7 +74,7 @@ def error_of(found: Identification, machine: TrueMachine, at: Array) -> float:
 def priors(
     robot: Robot, spread: float, machines: int, measured: int, trials: int, seed: int
 ) -> None:
-    """Learn a population, and say what it brings to new machines and does to an odd one."""
+    """Learn a population; print its benefit for new machines and its effect on an odd one."""
     rng = np.random.default_rng([seed, 18])
     size = len(robot.detailed.parameters)
     mean = OFF * rng.standard_normal(size)
@@ -123,13 +123,13 @@ def _odd(
     seed: int,
     at: Array,
 ) -> None:
-    """Machines of which one arm is ODD tolerances off: errors and the arm, by either prior."""
+    """Print errors of machines with one arm ODD tolerances off, by either prior."""
     row = robot.detailed.parameters.row("arm_2")
     tolerance = float(robot.detailed.parameters.prior[row])
     nominal = float(robot.detailed.parameters.nominal[row])
     narrow = replace(
         population, odd=0.0 * population.odd
-    )  # all that is not of the crowd is pulled to it
+    )  # pulls every deviation towards the population
     told: dict[str, list[tuple[float, float]]] = {}
     for number in range(trials):
         deviation = like_them()

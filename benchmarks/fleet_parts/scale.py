@@ -1,9 +1,10 @@
-"""Throughput of a fleet's run: measured here, and simulated for more workers than there are here.
+"""Throughput of a fleet run: measured here, and simulated for more workers.
 
-Measured are the processor times of one session's work, of the comparison of a machine's sessions,
-of what Dask takes for a task that does nothing, and of writing and reading a result. With them the
-run is simulated as it goes: workers, each one task at a time; AHEAD sessions a worker on their
-way; one process that submits tasks, takes results and writes them, one after the other.
+The processor times of these are measured: the work on one session, the comparison of a machine's
+sessions, Dask's overhead for an empty task, and writing and reading a result. The run is then
+simulated with these times: workers that each do one task at a time; AHEAD sessions per worker
+submitted in advance; one process that submits tasks, receives results and writes them, one after
+the other.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.simulation import days_later, draw_machine, simulate_session, visited
 from delta_calibration.threads import one_thread
 
-NOTHINGS = 300  # tasks that do nothing
+NOTHINGS = 300  # empty tasks
 MACHINES, DAYS = 4, 24  # of the fleet that is fitted here
 WORKERS = (1, 8, 32, 128, 512)
 
@@ -39,15 +40,15 @@ WORKERS = (1, 8, 32, 128, 512)
 class Times:
     """Processor times [s]."""
 
-    session: float  # of a worker, for one session
-    comparison: float  # of a worker, for each session that is compared
-    task: float  # of client and scheduler, for a task
-    write: float  # of the writing process, for a result
-    read: float  # of the same, for each session that is to be compared
+    session: float  # of a worker, per session
+    comparison: float  # of a worker, per session compared
+    task: float  # of client and scheduler, per task
+    write: float  # of the writing process, per result
+    read: float  # of the writing process, per session to be compared
 
 
 def sessions(robot: Robot, folder: Path, machines: int, days: int) -> None:
-    """A folder of machines, each measured on several days."""
+    """Write a folder of machines, each measured on several days."""
     for number in range(machines):
         for day in range(days):
             machine = visited(draw_machine(robot, number), robot, number, day + 1)
@@ -57,7 +58,7 @@ def sessions(robot: Robot, folder: Path, machines: int, days: int) -> None:
 
 
 def throughput(robot: Robot, most: int) -> None:
-    """Sessions a second by a local cluster of 1 to `most` workers, and a worker's memory."""
+    """Print sessions per second with 1 to `most` local workers, and a worker's memory."""
     with TemporaryDirectory() as place:
         sessions(robot, Path(place) / "fleet", MACHINES, DAYS)
         machines = machines_in(str(Path(place) / "fleet"), robot_file("srbd"))
@@ -65,7 +66,7 @@ def throughput(robot: Robot, most: int) -> None:
         for workers in range(1, most + 1):
             url = str(Path(place) / f"{workers}.sqlite")
             with open_store(url, make=True) as store, cluster(None, workers, 2.0) as client:
-                client.run(examine, first)  # what a worker loads once is no part of it
+                client.run(examine, first)  # exclude what a worker loads once
                 begun = perf_counter()
                 settings = Settings(quick=True, compare=False)
                 run(client, machines, Ledger(store), settings, lambda *_: None)
@@ -78,12 +79,12 @@ def throughput(robot: Robot, most: int) -> None:
 
 
 def peak_memory() -> float:
-    """Most memory that this process had [bytes]."""
+    """Peak memory of this process [bytes]."""
     return 1024.0 * getrusage(RUSAGE_SELF).ru_maxrss
 
 
 def measure(robot: Robot, quick: bool) -> Times:
-    """The times, each the median of a few."""
+    """Measure the times, each the median of a few."""
     with TemporaryDirectory() as place:
         sessions(robot, Path(place) / "fleet", 1, 6)
         (machine,) = machines_in(str(Path(place) / "fleet"), robot_file("srbd"))
@@ -91,7 +92,7 @@ def measure(robot: Robot, quick: bool) -> Times:
             Job(machine.name, each, machine.robot, frozenset(), None, quick)
             for each in machine.sessions
         ]
-        examine(jobs[0])  # what is compiled and loaded once is no part of it
+        examine(jobs[0])  # exclude what is compiled and loaded once
         took, found = _each([lambda job=job: examine(job) for job in jobs[:3]])
         fits = [examine(replace(job, quick=True)) for job in jobs]
         entries = tuple(each for each in fits if isinstance(each, Entry))
@@ -111,7 +112,7 @@ def measure(robot: Robot, quick: bool) -> Times:
 
 
 def _each(works: list[Callable[[], object]]) -> tuple[float, list[object]]:
-    """Median processor time of several, and their results."""
+    """Median processor time of several calls, and their results."""
     times, results = [], []
     for work in works:
         begun = process_time()
@@ -122,21 +123,21 @@ def _each(works: list[Callable[[], object]]) -> tuple[float, list[object]]:
 
 
 def task_time() -> float:
-    """Processor time of client and scheduler for a task that does nothing [s]."""
+    """Processor time of client and scheduler for an empty task [s]."""
     with Client(
         processes=False, n_workers=1, threads_per_worker=1, dashboard_address="127.0.0.1:0"
     ) as client:
         client.gather(client.map(abs, range(10), pure=False))
         begun = process_time()
-        for number in range(NOTHINGS):  # as a run does: one result, one new task
+        for number in range(NOTHINGS):  # as in a run: one result, one new task
             client.submit(abs, number, pure=False).result()
         return (process_time() - begun) / NOTHINGS
 
 
 def simulated(times: Times, workers: int, machines: int, days: int) -> tuple[float, float]:
-    """Hours that a run takes, and the share of them that the writing process is busy."""
-    free = [0.0] * workers  # when each worker is
-    coming: list[tuple[float, int]] = []  # when a result is there, and of which machine; -1: none
+    """Duration of a run [h], and the share of it for which the writing process is busy."""
+    free = [0.0] * workers  # time at which each worker becomes free
+    coming: list[tuple[float, int]] = []  # time of a result, and its machine; -1: none
     left = [days] * machines
     todo, handed, ahead = machines * days, 0, AHEAD * workers
     now = busy = 0.0
@@ -171,7 +172,7 @@ def simulated(times: Times, workers: int, machines: int, days: int) -> tuple[flo
 
 
 def scale(robot: Robot, machines: int, days: int) -> None:
-    """Print how long fleets take by workers, with a diagnosis and with a fit only."""
+    """Print the duration of runs by number of workers, with diagnosis and with fit only."""
     for quick in (False, True):
         times = measure(robot, quick)
         print(

@@ -1,7 +1,8 @@
-"""How often causes are told as shared that machines have by chance, and batches that are there.
+"""How often chance coincidences are reported as shared causes, and how often batches are found.
 
-Fleets of 200 machines and 22 causes at three joints; each machine has a cause with the cause's own
-rate, 1.5 % in the middle, e-fold spread from cause to cause where told so. A batch has one more.
+Fleets have 200 machines and 22 causes at three joints. Each machine has a cause with that cause's
+own rate: 1.5 % in the median, with the stated standard deviation of its logarithm between causes.
+The machines of a batch have one more.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ BATCHES = (8, 14, 20, 30)
 
 
 def drawn(rng: np.random.Generator, spread: float, batch: int) -> list[Standing]:
-    """A fleet; the first machines are of the batch."""
+    """Draw a fleet; the first machines are the batch."""
     rates = np.minimum(0.015 * np.exp(spread * rng.standard_normal(CAUSES)), 0.1)
     fleet = []
     for number in range(MACHINES):
@@ -49,7 +50,7 @@ def shared(trials: int, seed: int) -> None:
 
 
 def _surest(fleet: list[Standing], what: str) -> float:
-    """Least p value of what is told as shared, or perhaps shared, and begins so; else 1."""
+    """Smallest p value of the (perhaps) shared causes that begin with `what`; else 1."""
     told = shared_causes(fleet, CAUSES, PLACES)
     return min((each.p_value for each in told if each.what.startswith(what)), default=1.0)
 

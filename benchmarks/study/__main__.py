@@ -60,7 +60,7 @@ def study(
     out: Path,
     document: Path | None,
 ) -> None:
-    """Put the diagnosis on trial."""
+    """Run the study of the diagnosis."""
     named = ROBOTS if robots == "all" else tuple(robots.split(","))
     odd = [name for name in named if name not in ROBOTS]
     if odd:
@@ -88,7 +88,7 @@ def study(
 
 
 def _command(seed: int, share: float, only: tuple[str, ...], robots: str, most: int | None) -> str:
-    """What made the page."""
+    """The command that makes the page."""
     said = f"--seed {seed} --share {share:g}"
     said += "".join(f" --only '{group}'" if " " in group else f" --only {group}" for group in only)
     said += f" --robots {robots}" if robots != "srbd" else ""
@@ -96,7 +96,7 @@ def _command(seed: int, share: float, only: tuple[str, ...], robots: str, most: 
 
 
 def _lines(path: Path) -> list[dict[str, object]]:
-    """Outcomes that are there; a last line that was cut off is not."""
+    """Outcomes in the file; an incomplete last line is ignored."""
     if not path.exists():
         return []
     rows = path.read_text(encoding="utf-8").splitlines(keepends=True)
@@ -104,7 +104,7 @@ def _lines(path: Path) -> list[dict[str, object]]:
 
 
 def _cut_to_whole_lines(path: Path) -> None:
-    """So that what is added begins on a line of its own, whatever ended the last run."""
+    """Remove an incomplete last line, so that appended outcomes start on their own line."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.touch()
     whole = path.read_bytes()
@@ -112,7 +112,7 @@ def _cut_to_whole_lines(path: Path) -> None:
 
 
 def _run(todo: list[str], out: Path, scheduler: str | None, workers: int | None) -> None:
-    """All trials, each outcome kept as soon as it is there."""
+    """Run all trials; keep each outcome as soon as it is available."""
     if scheduler is not None:
         with Client(scheduler) as client:
             _keep(client, todo, out)

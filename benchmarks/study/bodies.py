@@ -1,9 +1,9 @@
-"""The diagnosis before a judge with bodies: springs, gaps and friction in a physics engine.
+"""Study of the diagnosis on rigid bodies with springs, gaps and friction in a physics engine.
 
     PYTHONPATH=test:benchmarks python -m study.bodies --seed 21
 
-A Delta of bodies (test/physics, MuJoCo; extra `[physics]`) has one fault or two, is carried
-through a plan, and is diagnosed by what its session says. `make study` runs it.
+A Delta of rigid bodies (test/physics, MuJoCo; extra `[physics]`) with one or two faults executes a
+plan and is diagnosed from its session. `make study` runs it.
 """
 
 from __future__ import annotations
@@ -44,12 +44,12 @@ class Case:
     Attributes:
         name: in words.
         faults: of the machine, see `physics.machine.Machine`.
-        causes: that a verdict is to name, all of them and nothing else.
-        values: parameter of a finding, by the begin of its name, and its true value.
+        causes: that a verdict has to name, all of them and nothing else.
+        values: true value of a parameter of a finding, by the begin of its name.
         moves: whether circles are measured as well.
         reach: of the places from the middle of the workspace [m].
-        told: what `cannot_tell` has to speak of, if anything.
-        nameless: whether no cause of the catalogue is hidden, so that unknown structure is right.
+        told: what `cannot_tell` has to contain, if anything.
+        nameless: whether the hidden fault is not in the catalogue: unknown structure is right.
     """
 
     name: str
@@ -130,7 +130,7 @@ CASES = (
 
 
 def judge(number: int, seed: int) -> dict[str, Any]:
-    """The outcome of one case, ready for JSON."""
+    """Outcome of one case, ready for JSON."""
     case, rng = CASES[number], np.random.default_rng([seed, number])
     machine = from_the_workshop(rng).with_(**case.faults)
     items = stops(rng, 30, reach=case.reach)
@@ -146,7 +146,7 @@ def judge(number: int, seed: int) -> dict[str, Any]:
 
 
 def _said(case: Case, found: Diagnosis) -> dict[str, Any]:
-    """What the verdict says, and whether that is right."""
+    """Content of the verdict, and whether it is right."""
     verdict = found.verdict
     names = [finding.cause for finding in verdict.findings]
     told = [name for item in verdict.cannot_tell for name in item.between]
@@ -171,7 +171,7 @@ def _said(case: Case, found: Diagnosis) -> dict[str, Any]:
 
 
 def page(outcomes: Sequence[Mapping[str, Any]]) -> str:
-    """The outcomes as a table of Markdown, a line a case."""
+    """The outcomes as a Markdown table, one line per case."""
     lines = [
         "| hidden | n | right | said | values: off by, in standard deviations | held out, "
         "calibrated → extended [µm] | CPU [s] |",
@@ -214,7 +214,7 @@ def _words(outcome: Mapping[str, Any]) -> str:
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
 @click.option("--out", type=click.Path(path_type=Path), help="Write the outcomes here, as JSON.")
 def bodies(seed: int, each: int, only: tuple[str, ...], workers: int, out: Path | None) -> None:
-    """Put the diagnosis before a judge with bodies."""
+    """Run the study of the diagnosis on rigid bodies."""
     wanted = [
         (number, seed + k)
         for number, case in enumerate(CASES)

@@ -1,6 +1,6 @@
-"""Reads and evaluates equations that a diagnosis has written: `dq_1 = a_1 sin(4 q_1) + b_1`.
+"""Reads and evaluates equations written by a diagnosis: `dq_1 = a_1 sin(4 q_1) + b_1`.
 
-Nothing but arithmetic and a few functions is carried out, whatever the text says.
+Only arithmetic and a few functions are executed, whatever the text contains.
 """
 
 from __future__ import annotations
@@ -51,19 +51,19 @@ _TWO: dict[type[ast.AST], Callable[[Array, Array], Array]] = {
 
 
 class EquationError(ValueError):
-    """An equation that cannot be read or evaluated; says where."""
+    """An equation that cannot be read or evaluated; the message states the place."""
 
 
 @dataclass(frozen=True)
 class Equation:
-    """One equation: what it gives, and the names on its right side."""
+    """One equation: its left side, and the names on its right side."""
 
     left: str
     names: frozenset[str]
     _right: ast.expr
 
     def of(self, known: Mapping[str, Array]) -> Array:
-        """Its right side, with all names known; 1 where a comparison holds and else 0.
+        """Value of the right side, with all names known; a comparison is 1 if it holds, else 0.
 
         Raises:
             EquationError: a name is not known, or a function takes other arguments.
@@ -73,9 +73,9 @@ class Equation:
 
 
 def equations(text: str) -> tuple[Equation, ...]:
-    """The equations of a law, which `; ` separates.
+    """The equations of a law, separated by `; `.
 
-    A sign of multiplication may be left out (`2 q_1`, `a (b + c)`); a power is `^` or `**`.
+    A multiplication sign may be left out (`2 q_1`, `a (b + c)`); a power is `^` or `**`.
 
     Raises:
         EquationError: an equation has no left side, or cannot be read.
@@ -101,7 +101,7 @@ def _equation(text: str) -> Equation:
 
 
 def _spelled(text: str) -> Iterator[str]:
-    """The words of an expression, with every multiplication written out."""
+    """Tokens of an expression, with every multiplication sign inserted."""
     at, before = 0, ""
     text = text.strip()
     while at < len(text):

@@ -1,15 +1,15 @@
-"""Whether intervals hold on machines that share no code with the package, the causes known.
+"""Coverage of intervals on machines that share no code with the package, with known causes.
 
-A session is made of a machine with one cause, and fitted with that cause in the chain: without
-the search, whose choices the study judges, a machine takes seconds and there can be many.
+A session is made of a machine with one cause, and fitted with that cause in the chain. Without the
+search, whose choices the study evaluates, a machine takes seconds, so there can be many.
 
     PYTHONPATH=test:benchmarks python -m study.intervals --robots all --seed 1 --machines 20
 
-inside is the share of the true values within 1.96 stated standard deviations, spread the root
-mean square of (stated - true) / standard deviation: 1 where all is right.
+`inside` is the share of the true values within 1.96 stated standard deviations; `spread` is the
+root mean square of (stated - true) / standard deviation, 1 where all is right.
 
-Whether a study's misses are chance shows where the same machines are measured anew, with other
-noise: those of which an interval of one cause did not hold, each 14 times,
+To find out whether misses of a study are due to chance, the same machines are measured again with
+other noise. This repeats the machines for which an interval of one cause missed, 14 times each:
 
     PYTHONPATH=test:benchmarks python -m study.intervals --of joint_lag out/study.jsonl --again 14
 
@@ -43,11 +43,11 @@ from study.statistics import Rate
 from study.trials import BEYOND_GEOMETRY, OF_ROBOT, ROBOTS, Task
 
 _Z = 1.96
-_LEAST, _MOST = 160.0, 5000.0  # lambda: of causes that a session tells
+_LEAST, _MOST = 160.0, 5000.0  # lambda of causes that a session shows
 
 
 def drawn(robot: str, seed: int, machines: int) -> list[Task]:
-    """So many machines of each cause whose values are described alike on both sides."""
+    """Draw this many machines for each cause whose values are described alike on both sides."""
     rng = np.random.default_rng([seed, ROBOTS.index(robot)])
     causes = BEYOND_GEOMETRY if robot == "srbd" else OF_ROBOT[robot][0]
     every = [cause for cause in causes if cause in SAME for _ in range(machines)]
@@ -60,7 +60,7 @@ def drawn(robot: str, seed: int, machines: int) -> list[Task]:
 
 
 def missed(path: Path, cause: str) -> list[Task]:
-    """Machines of a study, a line each, of which an interval of a cause did not hold."""
+    """Machines of a study file for which an interval of a cause missed the true value."""
     lines = (json.loads(line) for line in path.read_text().splitlines())
     return [
         Task.of_key(line["key"])
@@ -70,7 +70,7 @@ def missed(path: Path, cause: str) -> list[Task]:
 
 
 def errors(task: Task, cause: str, again: int = 0) -> list[float]:
-    """(stated - true) / standard deviation of each value of a cause; none where it cannot be."""
+    """(stated - true) / standard deviation of each value of a cause; empty without a fit."""
     trial, _ = scaled(task, again)
     robot = load_robot(task.robot)
     start = calibrated(survey(trial.session, robot.joints.names), robot)

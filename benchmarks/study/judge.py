@@ -1,4 +1,4 @@
-"""One trial: a session is made, diagnosed, and what was said is held against the truth."""
+"""One trial: a session is made and diagnosed, and the verdict is compared with the truth."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from delta_calibration.robot import Robot, load_robot
 from study.trials import Task
 
 _UM = 1e6
-_WEAKEST, _MOST = 0.01, 5.0  # strengths that a real machine could have
-_METAL = 1.7  # the same of growth: no metal's is more than 40e-6 1/K
-# hidden value -> parameter of the finding that should hold it, a number for each joint appended
+_WEAKEST, _MOST = 0.01, 5.0  # range of strengths that a real machine can have
+_METAL = 1.7  # largest strength of thermal growth: no metal exceeds 40e-6 1/K
+# Hidden value -> parameter of the finding with the same meaning; the joint's number is appended.
 SAME = {
     "backlash": {"gap": "gap"},
     "joint_lag": {"lag": "lag"},
@@ -83,10 +83,10 @@ def judge(key: str) -> dict[str, Any]:
 
 
 def scaled(task: Task, again: int = 0) -> tuple[Trial, dict[str, float]]:
-    """The session, its causes as strong as is wanted, and the lambda of each.
+    """The session with its causes scaled to the wanted strength, and the lambda of each.
 
-    A cause is scaled within what a machine could have; lambda goes with the square of its size.
-    Measured `again` it is the same machine with other noise.
+    A cause is scaled within the range that a machine can have; lambda is proportional to the
+    square of its size. With `again` the same machine is measured with other noise.
     """
     plain = _hide(task, {cause: 1.0 for cause, _ in task.causes})
     own = np.array([plain.strengths[cause.name] for cause in plain.causes])
@@ -116,7 +116,7 @@ def _said(finding: Finding) -> dict[str, Any]:
 
 
 def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
-    """Whether the session cannot tell a finding from the cause that was taken out."""
+    """Whether the session cannot distinguish a finding from the cause that was removed."""
     named = (m for m in found.model.terms if m.cause == finding.cause)
     term = next((m for m in named if m.location == finding.location), None)
     if not task.without or term is None:
@@ -132,9 +132,9 @@ def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
 
 
 def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[str, float]:
-    """How far the models' predictions are from the truth where nothing was measured [um].
+    """Errors of the models' predictions where nothing was measured [um].
 
-    At rest or in motion, wherever the causes do more.
+    Evaluated at rest or in motion, wherever the causes have the larger effect.
     """
     if not trial.causes:
         return {}
@@ -156,7 +156,7 @@ def _error(model: Model, held: Survey, moving: bool) -> float:
 
 
 def true_terms(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...] | None:
-    """What is hidden, in its true shape, as terms of a model; None where there is none such."""
+    """Hidden causes in their true shape as terms of a model; None if one is not available."""
     terms = []
     for cause in trial.causes:
         try:
@@ -171,7 +171,7 @@ def true_terms(trial: Trial, start: Model, robot: Robot) -> tuple[Candidate, ...
 
 
 def _shape(trial: Trial, cause: str) -> dict[str, float | str]:
-    """What a detector has to search for."""
+    """True values of the fields that a detector has to search for."""
     values = trial.hidden.values[cause]
     if cause == "transmission_error":
         return {"cycles": float(values["cycles"])}
@@ -192,14 +192,14 @@ def _shape(trial: Trial, cause: str) -> dict[str, float | str]:
 
 
 def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
-    """Stated values beside the true ones, of causes that are described alike on both sides."""
+    """Stated values with the true ones, of causes that are described alike on both sides."""
     said = {finding.cause: finding for finding in found.verdict.findings}
     rows = []
     for cause in trial.causes:
         if cause.name not in said or cause.name not in SAME:
             continue
         if {other.name for other in trial.causes} & _untold(said[cause.name], found):
-            continue  # the two together are one cause to this session, and it says so
+            continue  # the session cannot distinguish the two, and the verdict says so
         for ours, theirs in SAME[cause.name].items():
             for name, estimate in said[cause.name].parameters.items():
                 if name != theirs and name.rsplit("_", 1)[0] != theirs:
@@ -217,13 +217,13 @@ def _intervals(trial: Trial, found: Diagnosis) -> list[dict[str, Any]]:
 
 
 def _untold(finding: Finding, found: Diagnosis) -> set[str]:
-    """What the verdict says that a finding cannot be told from, or may hold some of."""
+    """Causes that are listed as indistinguishable from a finding, or partly contained in it."""
     classes = (set(item.between) for item in found.verdict.cannot_tell)
     told = [some for some in classes if finding.cause in some]
     return set(finding.equivalents).union(*told) - {finding.cause}
 
 
 def true_value(trial: Trial, cause: str, name: str, leg: str) -> float | None:
-    """A hidden value; None where a leg has none."""
+    """A hidden value; None if a leg has none."""
     values = trial.hidden.values[cause]
     return float(values[name + leg]) if name + leg in values else None

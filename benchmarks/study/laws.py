@@ -1,7 +1,7 @@
-"""Holds the law that a diagnosis wrote for what has no name against what was hidden.
+"""Compares the law that a diagnosis reports for an unknown structure with what was hidden.
 
 A law is one of `unknown_structure.laws`: a dictionary with `stage, part, variables, equation,
-values`. The likeliest, which is the first, is judged.
+values`. The first one, which is the most probable, is evaluated.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from study.equation import Equation, EquationError, equations
 Array = NDArray[np.float64]
 Said = Mapping[str, Any]
 
-_DRAWN = 4000  # inputs
-_FORM = 0.95  # R^2 from which on a form is right
-_STRAIGHT = 0.05  # share of a law's variance off its best straight line, below which it is one
-_MOST = 0.5  # share of a shift that its equations must give
-# what a rich session of the blind generator goes through, by the first word of a variable
+_DRAWN = 4000  # number of input samples
+_FORM = 0.95  # smallest R^2 of a right form
+_STRAIGHT = 0.05  # largest share of variance off the best straight line of a straight law
+_MOST = 0.5  # largest share of a shift that the equations may miss
+# Ranges in a rich session of the blind generator, by the first word of a variable.
 RANGES: dict[str, tuple[float, float] | tuple[str, tuple[float, ...]]] = {
     "q": (-0.5, 1.13),  # [rad]
     "rate": (-1.0, 1.0),  # [rad/s]
@@ -46,7 +46,7 @@ RANGES: dict[str, tuple[float, float] | tuple[str, tuple[float, ...]]] = {
 _NARROW = {"temperature_base": (20.0, 23.4), "temperature_forearm": (20.0, 28.0)}
 _JOINTS = ("q", "rate", "acceleration", "direction", "travel", "torque")
 _ROD = re.compile(r"force_([1-6])")  # rods by number: 1a, 1b, 2a, ...
-# what a part is called, in the order in which it is looked for
+# Names of parts, in the order in which they are tried.
 _CALLED = {
     "rod": r"rod|forearm",
     "arm": r"arm",
@@ -61,16 +61,16 @@ _CALLED = {
 def judge_law(
     truth: Truth | None, laws: Sequence[Said], ranges: Mapping[str, Any] = RANGES
 ) -> dict[str, Any]:
-    """Which parts of the likeliest law are right; ready for JSON.
+    """Determine which parts of the most probable law are right; ready for JSON.
 
-    A form is right if its equations give what is true, up to a factor, over inputs drawn at
-    random: R^2 > 0.95 once what is straight in the variables is taken off both, or as they are
-    where the truth is straight itself. A drive is compared joint by joint; of what moves lengths
-    and places the directions are not compared, as frames differ.
+    A form is right if its equations agree with the true ones, up to a factor, over inputs drawn at
+    random: R^2 > 0.95 after subtracting what is linear in the variables from both, or without
+    subtraction if the true law is linear itself. A law of the drives is compared joint by joint.
+    For laws of lengths and places the directions are not compared, because frames differ.
 
     Args:
-        truth: of what is hidden; None where nothing is.
-        laws: likeliest first; may be empty.
+        truth: of what is hidden; None if nothing is.
+        laws: most probable first; may be empty.
         ranges: of the inputs, by the first word of a variable.
 
     Returns:
@@ -88,7 +88,7 @@ def judge_law(
 
 
 def _of_all_limbs(laws: Sequence[Said]) -> Said:
-    """The likeliest law, whole: a verdict lists it for each joint, arm or rod that it moves."""
+    """The most probable law for all limbs: a verdict lists it for each joint, arm or rod moved."""
     first = laws[0]
     by_part = {law["part"]: law for law in reversed(laws) if _same(law, first)}
     alike = list(reversed(by_part.values()))
@@ -105,7 +105,7 @@ def _of_all_limbs(laws: Sequence[Said]) -> Said:
 
 
 def _same(law: Said, first: Said) -> bool:
-    """Whether it is the same law of another limb: as likely, at the same stage, of such a part."""
+    """Whether it is the same law of another limb: same probability, stage and kind of part."""
     kinds = [re.sub(r"_?\d+[ab]?$", "", str(one["part"])) for one in (law, first)]
     return kinds[0] == kinds[1] and all(
         law.get(key) == first.get(key) for key in ("stage", "probability")
@@ -136,7 +136,7 @@ class _Law:
     values: Mapping[str, float]
 
     def of(self, seen: Mapping[str, Array]) -> dict[str, Array]:
-        """Its left sides, one below the other where one has several equations."""
+        """Values of its left sides; several equations of the same left side are summed."""
         known = _Known(self.values, seen)
         shape = next(iter(seen.values())).shape if seen else (_DRAWN,)
         result: dict[str, Array] = {}
@@ -146,12 +146,12 @@ class _Law:
         return result
 
     def variables(self, equation: Equation) -> set[str]:
-        """What of an equation's names is no value."""
+        """Names in an equation that are not values of the law."""
         return {name for name in equation.names if _value_of(self.values, name) is None}
 
 
 def _law(said: Said) -> _Law:
-    """The equations of a law; one that is written for joint j or rod i stands for all of them."""
+    """The equations of a law; one written for joint j or rod i is repeated for all of them."""
     text = str(said.get("equation", ""))
     if re.search(r"_j\b", text.partition("=")[0]):
         text = "; ".join(re.sub(r"_j\b", f"_{joint}", text) for joint in (1, 2, 3))
@@ -166,13 +166,13 @@ def _law(said: Said) -> _Law:
 
 
 def _value_of(values: Mapping[str, float], name: str) -> float | None:
-    """By its name, or by that of all joints."""
+    """Value by its name, or by the general name for all joints or rods."""
     general = (re.sub(r"_\d$", end, name) for end in ("_j", "_i"))
     return next((values[n] for n in (name, *general) if n in values), None)
 
 
 class _Known(Mapping[str, Array]):
-    """Values of the law before inputs."""
+    """Values of the law; inputs where it has no value."""
 
     def __init__(self, values: Mapping[str, float], seen: Mapping[str, Array]) -> None:
         self._values, self._seen = values, seen
@@ -192,7 +192,7 @@ class _Known(Mapping[str, Array]):
 
 
 class _Drawn(Mapping[str, Array]):
-    """Inputs at random, each drawn when first asked for and by its name, so that it is its own."""
+    """Random inputs, drawn when first used and seeded by their name, independent of the order."""
 
     def __init__(self, ranges: Mapping[str, Any]) -> None:
         self._ranges = ranges
@@ -229,7 +229,7 @@ def _rod(number: int) -> str:
 
 
 def _agreement(truth: Truth, law: _Law, drawn: _Drawn) -> float:
-    """R^2 between what is true and what is said."""
+    """R^2 between the true and the reported equations."""
     assert truth.law is not None
     true = truth.law(drawn)
     said = law.of(drawn)
@@ -247,15 +247,15 @@ def _agreement(truth: Truth, law: _Law, drawn: _Drawn) -> float:
 
 
 def _off(columns: Array, straight: Array) -> Array:
-    """What the best fit of some columns leaves of others."""
+    """Residuals of the best fit of some columns to others."""
     fitted = np.linalg.lstsq(straight, columns, rcond=None)[0]
     return np.asarray(columns - straight @ fitted)
 
 
 def _by_joint(true: Mapping[str, Array], said: Mapping[str, Array]) -> float:
-    """Of each joint's own equation, weighed by how much is true of it."""
+    """R^2 of each joint's own equation, weighted by the size of the true one."""
     by_joint = {left[-1]: column for left, column in said.items()}
-    if len(true) == len(said) == 1:  # of one joint, however it is written
+    if len(true) == len(said) == 1:  # of one joint, whatever its name
         by_joint = dict(zip((name[-1] for name in true), said.values(), strict=True))
     explained = whole = 0.0
     for name, column in true.items():
@@ -267,7 +267,7 @@ def _by_joint(true: Mapping[str, Array], said: Mapping[str, Array]) -> float:
 
 
 def _by_span(true: Mapping[str, Array], said: Mapping[str, Array]) -> float:
-    """How much of what is said is within what is true; of a shift, most must be said as well."""
+    """Share of the reported law in the span of the true one; 0 if most of a shift is missed."""
     wanted, given = (np.stack(list(columns.values()), axis=1) for columns in (true, said))
     scale = np.abs(wanted).max(), np.abs(given).max()
     if min(scale) < 1e-15:
@@ -280,7 +280,7 @@ def _by_span(true: Mapping[str, Array], said: Mapping[str, Array]) -> float:
 
 
 def _part_is_right(truth: Truth, said: Said, law: _Law) -> bool:
-    """As it is called; where it is a joint, the equations must be of the same."""
+    """Whether the part is named correctly; for a joint, the equations must be of the same one."""
     called = _called(str(said.get("part", "")))
     joints = {equation.left[-1] for equation in law.equations if equation.left[-1:].isdigit()}
     if called.startswith("joint") and said.get("stage") == DRIVE and joints:
@@ -290,7 +290,7 @@ def _part_is_right(truth: Truth, said: Said, law: _Law) -> bool:
 
 
 def _called(part: str) -> str:
-    """`joint_2`, or all of a kind: `joints`; several that are listed are all."""
+    """Standard name of a part: `joint_2`, or `joints` for all or several of a kind."""
     part = part.lower()
     kind = next((kind for kind, words in _CALLED.items() if re.search(words, part)), part)
     which = re.findall(r"(?<![\d.])([1-6][ab]?)(?![\d.])", part)
@@ -300,7 +300,7 @@ def _called(part: str) -> str:
 
 
 def _variables(law: _Law, said: Said) -> set[str]:
-    """Of the equations, with joints relative; nothing where the law's list says others."""
+    """Variables of the equations, with relative joints; empty if the law's own list differs."""
     used = {
         _relative(name, _index(equation.left, said))
         for equation in law.equations
@@ -311,12 +311,12 @@ def _variables(law: _Law, said: Said) -> set[str]:
 
 
 def _word(name: str) -> str:
-    """`temperature_arm` whole, of others what comes before the joint."""
+    """First word of a name, or the whole name of a temperature such as `temperature_arm`."""
     return name if name.startswith("temperature") else name.partition("_")[0]
 
 
 def _index(left: str, said: Said) -> str:
-    """Joint or rod of an equation, by its left side or else the law's part: `2`, `1a`, or none."""
+    """Joint or rod of an equation, from its left side or the law's part: `2`, `1a`, or none."""
     for text in (left, str(said.get("part", ""))):
         found = re.search(r"_([1-6][ab]?)$", text)
         if found:
@@ -325,7 +325,7 @@ def _index(left: str, said: Said) -> str:
 
 
 def _relative(name: str, of: str) -> str:
-    """`q_3` of joint 2 is `q_j+1`; as it is where it is of no joint, or the law of none."""
+    """`q_3` in a law of joint 2 is `q_j+1`; unchanged if name or law belongs to no joint."""
     word, _, which = name.partition("_")
     if word == "force" and of:
         same = which == of or (which[0] == of[0] and (which[1:] == "") != (of[1:] == ""))

@@ -1,4 +1,4 @@
-"""The outcomes by mechanism: a row for each robot."""
+"""Table of the outcomes by mechanism, a row for each robot."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from study.statistics import Rate
 
 
 def mechanisms(outcomes: Sequence[Outcome]) -> str:
-    """A row for each robot: names, alarms, the unknown, intervals, time."""
+    """Format a row for each robot: names, false alarms, unknown structure, intervals, time."""
     head = [
         "robot",
         "n",

@@ -1,4 +1,4 @@
-"""What was said of a session, held against what was hidden there; rates and tables of it."""
+"""Comparison of verdicts with what was hidden in the sessions; rates and tables."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Outcome = dict[str, Any]
 
 NAMED, SURE = 80.0, 160.0  # lambda
 CONFIDENT = 0.8
-LIKELY = 0.5  # a name less sure than this is by its own words less likely than not
+LIKELY = 0.5  # a name with less confidence is more probably wrong than right
 _Z = 1.959964
 
 
@@ -28,7 +28,7 @@ def first(outcome: Outcome) -> Outcome | None:
 
 
 def named(outcome: Outcome) -> bool:
-    """The right cause in the first place; in the right chain where it sits in one."""
+    """Whether the right cause is in the first place; in the right chain if it belongs to one."""
     said = first(outcome)
     return said is not None and is_cause(outcome, said)
 
@@ -41,7 +41,7 @@ def is_cause(outcome: Outcome, finding: Outcome) -> bool:
 
 
 def in_class(outcome: Outcome) -> bool:
-    """The right cause in the first place, or among what it cannot be told from."""
+    """Whether the right cause is in the first place, or listed as indistinguishable from it."""
     said = first(outcome)
     return said is not None and of_class(outcome, said)
 
@@ -52,7 +52,7 @@ def of_class(outcome: Outcome, finding: Outcome) -> bool:
 
 
 def is_twin(finding: Outcome) -> bool:
-    """Not to be told from the cause that was taken out of the catalogue."""
+    """Whether the finding is indistinguishable from the cause that was removed."""
     return bool(finding.get("twin", False))
 
 
@@ -74,7 +74,7 @@ def exact(outcome: Outcome) -> bool:
 
 
 def class_of(outcome: Outcome, finding: Outcome) -> set[str]:
-    """A cause with all that the verdict says it cannot be told from, or may hold some of."""
+    """A cause with all that the verdict lists as indistinguishable or partly contained."""
     told = [set(some) for some in outcome["cannot_tell"] if finding["cause"] in some]
     return {finding["cause"], *finding["equivalents"]}.union(*told)
 

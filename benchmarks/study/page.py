@@ -1,4 +1,4 @@
-"""The outcomes as tables, for people."""
+"""The outcomes as a page of tables."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ from study.outcomes import (
 from study.statistics import Rate, calibration_error, reliability
 
 _EDGES = (20.0, 40.0, 80.0, 160.0, 320.0, np.inf)  # lambda
-_HARM = 0.1  # of the noise of a pose: a machine's owner would not notice less
+_HARM = 0.1  # of the noise of a pose: the smallest loss that matters to the owner of a machine
 _SLIGHT_UM = 0.1
 
 
 def page(outcomes: Sequence[Outcome], wanted: int, command: str) -> str:
-    """All tables, as Markdown; `wanted` is how many outcomes the whole study has."""
+    """All tables as Markdown; `wanted` is the number of outcomes of the complete study."""
     of = {name: [o for o in outcomes if o["group"] == name] for name in _GROUPS}
     head = (
         "# The diagnosis on trial\n\n"
@@ -232,7 +232,7 @@ def _gain(outcomes: Sequence[Outcome]) -> str:
 
 
 def _gained(outcome: Outcome, model: str) -> float:
-    """Share of the mean square error that a model takes away."""
+    """Share of the mean square error that a model removes."""
     error = outcome["error_um"]
     return float(1 - (error[model] / error["calibrated"]) ** 2)
 
@@ -250,7 +250,7 @@ def _true_worse(outcome: Outcome) -> bool:
 
 
 def _worse(outcome: Outcome, model: str) -> float:
-    """How much worse than the calibrated one a model predicts [um]; negative where better."""
+    """Prediction error of a model minus that of the calibrated one [um]."""
     error = outcome["error_um"]
     return float(error[model] - error["calibrated"])
 

@@ -1,4 +1,4 @@
-"""Rates with exact intervals, and how honest stated probabilities are."""
+"""Rates with exact intervals, and the calibration of stated probabilities."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ _EDGES = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 @dataclass(frozen=True)
 class Rate:
-    """How often something held, of how many."""
+    """Rate: the number of cases in which something held, and the number of cases."""
 
     held: int
     of: int
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Clopper-Pearson, 95 %."""
+        """Clopper-Pearson interval, 95 %."""
         if self.of == 0:
             return 0.0, 1.0
         found = binomtest(self.held, self.of).proportion_ci(0.95, method="exact")
@@ -37,7 +37,7 @@ class Rate:
 def reliability(
     stated: Sequence[float], right: Sequence[bool]
 ) -> Iterator[tuple[float, float, float, Rate]]:
-    """Of each range of stated probability: its ends, the mean stated, and how many were right."""
+    """Yield ranges of stated probability: ends, the mean stated, and the rate of right ones."""
     probability, held = np.array(stated, dtype=float), np.array(right, dtype=bool)
     which = np.clip(np.searchsorted(_EDGES, probability, side="right") - 1, 0, len(_EDGES) - 2)
     for number in np.unique(which):

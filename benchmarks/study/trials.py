@@ -1,4 +1,4 @@
-"""What is tried: which causes, how strong, in which plan, from which seed."""
+"""The trials: which causes, how strong, in which plan, from which seed."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ _ARM = (
 BEYOND_GEOMETRY = MEASUREMENT + DRIVES + STRUCTURE
 KINDS = ("bump", "ripple", "drag", "cross_talk", "grip", "rub", "rocking")
 POOR = ("poor", "one_sided", "one_payload", "no_sweeps", "still", "no_temperatures")
-# what other machines hide: causes, then dimensions
+# Hidden in other machines: causes, then dimensions.
 OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    # of its zeros the first is the frame's, the second the tool's
+    # its first zero belongs to the frame, its second one to the tool
     "scara": ((*_ARM, "reducer_compliance"), ("link_length",)),
     "linear_delta": (
         (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
@@ -79,27 +79,27 @@ OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }
 OTHER_KINDS = ("bump", "grip", "ripple", "cross_talk")
 ROBOTS = ("srbd", *OF_ROBOT)
-PRECISE = 0.1  # of the tolerances: scatter of machines of which one dimension is wrong
+PRECISE = 0.1  # of the tolerances: scatter of machines with one wrong dimension
 _WEAK, _STRONG, _TELLING = 20.0, 5000.0, 160.0  # lambda
 
 
 @dataclass(frozen=True)
 class Task:
-    """One machine and its session, and what is hidden there."""
+    """One machine with its session and hidden causes."""
 
     group: str
     seed: int
     causes: tuple[tuple[str, float], ...] = ()  # with the wanted lambda
     plan: str = "rich"
     scatter: float = 1.0
-    without: str = ""  # cause taken out of the catalogue
+    without: str = ""  # cause removed from the catalogue
     robot: str = "srbd"
 
     @property
     def key(self) -> str:
-        """What tells it from all others, and brings it back."""
+        """Unique text from which the task can be restored."""
         said = asdict(self)
-        if self.robot == "srbd":  # as keys were when there was no other
+        if self.robot == "srbd":  # as keys were before there were other robots
             del said["robot"]
         return json.dumps(said, sort_keys=True)
 
@@ -112,12 +112,12 @@ class Task:
 
 
 def tasks(seed: int, share: float, robots: Sequence[str] = ("srbd",)) -> list[Task]:
-    """The whole study, or a share of it, in an order in which any part of it is fair.
+    """The whole study, or a share of it, in an order of which any initial part is representative.
 
     Args:
-        seed: of the study; each trial has its own from it.
+        seed: of the study; the seeds of the trials are derived from it.
         share: of the number of trials; more than 1 where there is a cluster.
-        robots: of `ROBOTS`; each has trials of its own, whatever others there are.
+        robots: of `ROBOTS`; the trials of a robot do not depend on the others.
     """
     return [task for robot in robots for task in _of_robot(robot, seed, share)]
 
@@ -136,7 +136,7 @@ def _of_robot(robot: str, seed: int, share: float) -> list[Task]:
 
 
 def _of_other(robot: str, rng: np.random.Generator, share: float) -> list[Task]:
-    """A quarter of what the Delta has of each kind, of causes that such a machine can have."""
+    """A quarter of the Delta's trials of each kind, with causes that such a machine can have."""
     causes, dimensions = OF_ROBOT[robot]
     every: list[Task] = []
     for _ in _many(60, share):

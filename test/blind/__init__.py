@@ -1,8 +1,8 @@
-"""Sessions of machines that hide something, made without any code of the detector.
+"""Sessions of machines with something hidden, made without any code of the detector.
 
-`hide({"backlash": 1.0}, seed=7)` gives a `Trial`: `session` is what a detector may see, `causes`
-are what is hidden (names, locations, true values), `truth` is where the machine stands without
-noise at places held out, `signal` how much the causes move the measured points.
+`hide({"backlash": 1.0}, seed=7)` returns a `Trial`: `session` is what a detector may use, `causes`
+are the hidden causes (names, locations, true values), `truth` contains noise-free positions at
+held-out places, and `signal` is the size by which the causes move the measured points.
 """
 
 from blind.session import Hidden, Trial, Truth, hide

@@ -1,9 +1,9 @@
-"""Arms of joints that turn one after the other, walked by successive screws.
+"""Serial arms of rotary joints, computed by a product of screws.
 
-With all joints at zero, joint i turns about a line through a point, both fixed in space; the
-vectors from point to point and the lines' directions are what is drawn, and an arm as built has
-other vectors and its lines tilted. The table of Denavit and Hartenberg in the robot's file is read
-once, to find the lines, and never walked.
+With all joints at zero, joint i turns about a line through a point, both fixed in space. The
+vectors from point to point and the directions of the lines are the geometry; an arm as built has
+other vectors, and its lines are tilted. The Denavit-Hartenberg table of the robot file is used
+only once, to find the lines.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _CLOSED, _MOST = 1e-12, 60
 
 @dataclass(frozen=True)
 class Build:
-    """An arm with all joints at zero; one row a joint, the tool behind the last."""
+    """An arm with all joints at zero; one row per joint, and the tool behind the last."""
 
     link: Array  # (m + 1, 3) [m] from point to point of the lines, the last to the tool
     tilt: Array  # (m, 2) [rad] of each line, about two directions across it
@@ -34,7 +34,7 @@ class Build:
 
 @dataclass(frozen=True)
 class ArmStand:
-    """Where the tool is, how it is turned, and a point of each joint's line."""
+    """Position and orientation of the tool, and a point on the line of each joint."""
 
     place: Array  # (n, 3) [m]
     turn: Array  # (n, 3, 3)
@@ -48,7 +48,7 @@ class ArmStand:
 
 
 def _turned(axis: Array, angle: Array) -> Array:
-    """Rodrigues: turns about one direction by n angles, (n, 3, 3)."""
+    """Rotation matrices about one direction by n angles, by Rodrigues' formula, (n, 3, 3)."""
     x, y, z = axis / np.linalg.norm(axis)
     k = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     s, c = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
@@ -56,7 +56,7 @@ def _turned(axis: Array, angle: Array) -> Array:
 
 
 class Arm(Kind):
-    """An arm of a robot file; masses, places and sizes are given."""
+    """An arm of a robot file, with given masses, places and sizes."""
 
     def __init__(
         self,
@@ -79,10 +79,11 @@ class Arm(Kind):
         self.sweep = np.diag(np.minimum(span, 0.6))
         self._lines(geometry)
         long, tool = 1e-3 * tolerance["length_mm"], 1e-3 * tolerance["tool_mm"]
-        # along the common normal and the line; aside by as much would be a zero off by more
+        # Errors along the common normal and along the line; one across both would be a zero
+        # offset.
         parallel = np.array([[row.get("parallel", False)] for row in geometry["links"]])
         links = long * (np.abs(self.across[:, 0]) + np.where(parallel, 0.0, np.abs(self.axes)))
-        links[0] = 0.0  # where the first line stands is the base
+        links[0] = 0.0  # the position of the first line is the base
         about = np.concatenate([np.ones_like(parallel), parallel], axis=1)
         self.expected = {
             "link": np.append(links, np.full((1, 3), tool), axis=0),
@@ -94,7 +95,7 @@ class Arm(Kind):
         self.sensors = ("link",)
 
     def _lines(self, geometry: Any) -> None:
-        """Directions of the lines, points on them, and how the tool is turned, at zero."""
+        """Find directions of the lines, points on them, and the tool's orientation, at zero."""
         self.lengths = [i for i, row in enumerate(geometry["links"]) if row["length_mm"]]
         frame, points, axes, normals = np.eye(4), [np.zeros(3)], [], []
         for row in geometry["links"]:
@@ -110,7 +111,7 @@ class Arm(Kind):
         mount = Rotation.from_euler("XYZ", geometry["mount_deg"], degrees=True)
         self.axes, self.mounted = np.array(axes), frame[:3, :3] @ mount.as_matrix()
         self.links = np.diff(np.array(points), axis=0)
-        first = np.array(normals)  # common normals of each line and the one before
+        first = np.array(normals)  # common normals of each line and the previous one
         self.across = np.stack([first, np.cross(self.axes, first)], axis=1)  # (m, 2, 3)
 
     def drawing(self) -> Build:
@@ -138,7 +139,7 @@ class Arm(Kind):
     def masses(
         self, stand: ArmStand, build: Build, payload: Array, centre: Array
     ) -> tuple[Array, Array]:
-        """Two points a link, a uniform rod from its joint's line to the next; the payload."""
+        """Two mass points per link, a uniform rod between joint lines; and the payload."""
         n, ends = len(stand.place), np.append(stand.points, stand.place[:, None], axis=1)
         begin, along = ends[:, :-1, None], np.diff(ends, axis=1)[:, :, None]
         rods = (begin + _HALVES[:, None] * along).reshape(n, -1, 3)
@@ -154,7 +155,7 @@ class Arm(Kind):
         return self.home + self.span * rng.uniform(-1.0, 1.0, (count, len(self.joints)))
 
     def at(self, points: Array) -> Array:
-        """Joints near home that bring the drawing's tool there, as it is held at home."""
+        """Joints near home that bring the nominal tool to the points, oriented as at home."""
         build = self.drawing()
         held = self.assemble(self.home[None], build).turn
         q = np.tile(self.home, (len(points), 1))
@@ -167,7 +168,7 @@ class Arm(Kind):
         raise ArithmeticError(f"{self.robot} does not get there")
 
     def _off(self, q: Array, build: Build, points: Array, held: Array) -> tuple[Array, Array]:
-        """What is left to go, and how the joints go there: each turns all behind its line."""
+        """Remaining error, and its derivative by the joints (each turns all behind its line)."""
         stand = self.assemble(q, build)
         axes, turn = [], np.eye(3)[None]
         for i, axis in enumerate(self.axes):
@@ -182,21 +183,21 @@ class Arm(Kind):
         return np.append(off, left, axis=1), np.append(slope, np.swapaxes(along, 1, 2), axis=1)
 
     def ring(self, angle: Array, radius: float, level: float) -> Array:
-        """About where the tool is a little inward of home, `level` over it."""
+        """Circle about the tool position at home, a little inward, `level` above it."""
         middle = self.assemble(self.home[None], self.drawing()).place[0]
         flat = [radius * np.cos(angle), radius * np.sin(angle), np.full_like(angle, level)]
         return middle + np.stack(flat, axis=1)
 
 
 class _Scara(Arm):
-    """Two upright axes: the elbow bent, the circle where both links reach."""
+    """Two vertical axes: the elbow is bent, the circle lies where both links reach."""
 
     circle: Span = (0.14, 0.0)
     others: tuple[Span, Span] = ((0.11, 0.0), (0.17, 0.0))
 
 
 class _Ur10(Arm):
-    """Six axes, its links' masses as its maker states them."""
+    """Six axes, with the link masses that the manufacturer states."""
 
     circle: Span = (0.14, 0.0)
     others: tuple[Span, Span] = ((0.11, 0.04), (0.11, -0.04))
@@ -210,7 +211,7 @@ SCARA = _Scara(
     (100.0, 50.0),
     12e-6,
     1e-4,
-    np.radians([15.0, 85.0]),  # the elbow bent, far from where the arm is straight
+    np.radians([15.0, 85.0]),  # the elbow bent, far from a straight arm
 )
 UR10 = _Ur10(
     "ur10",

@@ -1,4 +1,4 @@
-"""What arms hide: springs in their gears and under their tools, growth, the drives' own causes."""
+"""Causes hidden in arms: compliant gears and tools, thermal growth, causes of any drive."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Array = NDArray[np.float64]
 
 _EXPANSION = 23e-6  # [1/K] aluminium
 _GIVE = 1 / 2.5e4  # [rad/(N m)]
-_SCREWS = 1e7  # [N/m] of all that hold a tool
+_SCREWS = 1e7  # [N/m] of all screws that hold a tool
 
 
 def _reducers(name: str) -> Draw:
     def draw(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-        """Each reducer a spring under weight and under what it takes to move the masses."""
+        """Each reducer is a spring, loaded by weight and by inertia."""
         give = strength * _GIVE * uneven(rng, legs)
 
         def act(world: World, state: State) -> None:
@@ -34,7 +34,7 @@ def _reducers(name: str) -> Draw:
 
 
 def thermal_growth_link(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """All links grow as they warm, tool and all."""
+    """All links and the tool grow as they warm."""
     expansion = strength * _EXPANSION
 
     def act(world: World, state: State) -> None:
@@ -46,10 +46,10 @@ def thermal_growth_link(rng: np.random.Generator, strength: float, legs: Array) 
 
 
 def flange_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A tool on six springs, its screws, which hold weight and inertia of the payload.
+    """A tool on six springs, its screws, loaded by weight and inertia of the payload.
 
-    The springs are on a circle behind the tool; all that the tool can move by goes into their
-    strain, and what they pull with must balance the payload.
+    The springs lie on a circle behind the tool. The displacement of the tool strains them, and
+    their forces must balance the payload.
     """
     behind, ring = rng.uniform(0.1, 0.25), rng.uniform(0.05, 0.075)  # [m]
     one = _SCREWS / 6 / strength  # [N/m]
@@ -61,9 +61,9 @@ def flange_compliance(rng: np.random.Generator, strength: float, legs: Array) ->
         forces = np.zeros((len(world.time), 3))
         forces[:, 2] = -GRAVITY * world.payload
         forces += world.payload_pushes()
-        out = screws @ np.swapaxes(stand.turn, 1, 2)  # (n, 6, 3) from the tool's place
+        out = screws @ np.swapaxes(stand.turn, 1, 2)  # (n, 6, 3) from the tool's position
         lever = np.broadcast_to(kind.centre @ np.swapaxes(stand.turn, 1, 2), forces.shape)
-        strain = np.zeros((len(forces), 6, 3, 6))  # of each spring by shift and turn of the tool
+        strain = np.zeros((len(forces), 6, 3, 6))  # of each spring by motions of the tool
         for way, unit in enumerate(np.eye(3)):
             strain[..., way] = unit
             strain[..., 3 + way] = np.cross(unit, out)
@@ -71,7 +71,7 @@ def flange_compliance(rng: np.random.Generator, strength: float, legs: Array) ->
         stiff = one * np.swapaxes(each, 1, 2) @ each
         load = np.concatenate([forces, np.cross(lever, forces)], axis=1)
         gives = np.linalg.solve(stiff, load[..., None])[..., 0]
-        bare = stand.turn @ kind.mounted.T  # of the last link since all joints were at zero
+        bare = stand.turn @ kind.mounted.T  # rotation of the last link from zero
         shift = np.zeros((len(forces), len(kind.links), 3))
         shift[:, -1] = (np.swapaxes(bare, 1, 2) @ gives[:, :3, None])[..., 0]
         state.changed = state.changed.plus("link", shift).plus("tool", gives[:, 3:])
@@ -81,10 +81,11 @@ def flange_compliance(rng: np.random.Generator, strength: float, legs: Array) ->
 
 
 def arm_causes(kind: Arm) -> tuple[dict[str, Draw], dict[str, Draw]]:
-    """What an arm can hide: causes by name, and kinds of what no catalogue has."""
+    """Causes that can be hidden in an arm by name, and kinds that are in no catalogue."""
     m = len(kind.joints)
     long = [int(np.argmax(np.abs(link))) for link in kind.links]
-    # what leads to a joint's line is told at that joint; the last ones are the tool's as well
+    # An error before a joint's line is reported at that joint; the last ones belong to the tool
+    # too.
     lengths = {i + 1: [("link", (i, long[i]))] for i in kind.lengths}
     zeros = {i + 1: [("zero", (i,))] for i in range(1, max(2, m - 1))}
     return {

@@ -1,4 +1,4 @@
-"""What hides in cables, pulleys and drums, beside what hides in any drive."""
+"""Causes hidden in cables, pulleys and drums, in addition to those of any drive."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from blind.world import State, World
 Array = NDArray[np.float64]
 
 _STRETCH = 1 / 4e5  # [1/N] of steel cables
-_WEIGHT = 0.6  # [N/m] of 4 mm of steel
+_WEIGHT = 0.6  # [N/m] of a steel cable of 4 mm
 _PULLEY = 20e-3  # [m]
 _DRUM = 1e-3
-_LOST = 0.15  # of the pretension
+_LOST = 0.15  # share of the pretension
 _LAYER = 30e-6  # [m^2/m]
 
 
 def _lets_out(state: State, more: Array) -> None:
-    """More cable, (n, 8) [m]."""
+    """Add cable length, (n, 8) [m]."""
     state.changed = state.changed.plus("cable", more)
 
 
 def _here_and_home(world: World) -> tuple[Array, Array, Array, Array]:
-    """Cables as vectors, and their pulls, in each sample and at home with no payload."""
+    """Cables as vectors and their tensions, in each sample and at home without payload."""
     build, stand, home = world.build, world.stand, CDPR8.home[None]
     here = CDPR8.away(np.append(stand.place, stand.gibbs, axis=1), build)
     at_home = CDPR8.tensions(home, build, np.zeros(1), CDPR8.centre)
@@ -36,7 +36,7 @@ def _here_and_home(world: World) -> tuple[Array, Array, Array, Array]:
 
 
 def cable_elasticity(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cables stretch under their pull; what was let out is what is not stretched."""
+    """Cables stretch under their tension; the drum lets out the unstretched length."""
     give = strength * _STRETCH
 
     def act(world: World, state: State) -> None:
@@ -49,7 +49,7 @@ def cable_elasticity(rng: np.random.Generator, strength: float, legs: Array) -> 
 
 
 def pretension_loss(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The drives hold less and less: the tensions are others, and the cables stretch less."""
+    """The drives lose pretension: tensions change, and the cables stretch less."""
     share, constant = strength * _LOST, rng.uniform(1200.0, 4000.0)
 
     def act(world: World, state: State) -> None:
@@ -67,10 +67,10 @@ def pretension_loss(rng: np.random.Generator, strength: float, legs: Array) -> C
 
 
 def _arc(away: Array, pull: Array, weight: float) -> Array:
-    """Length of a cable that hangs between its ends: the parabola's arc, by its own quadrature."""
+    """Length of a cable that hangs as a parabola between its ends, by a separate quadrature."""
     level = np.hypot(away[..., 0], away[..., 1])
     chord = np.linalg.norm(away, axis=-1)
-    bend = weight * chord**2 / (pull * level)  # of the slope from end to end
+    bend = weight * chord**2 / (pull * level)  # difference of the slope from end to end
     nodes, shares = np.polynomial.legendre.leggauss(8)
     total = np.zeros_like(chord)
     for node, share in zip(nodes, shares, strict=True):
@@ -80,7 +80,7 @@ def _arc(away: Array, pull: Array, weight: float) -> Array:
 
 
 def cable_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cables hang through under their own weight: their arcs are longer than their chords."""
+    """Cables sag under their own weight: their arcs are longer than their chords."""
     weight = np.sqrt(strength) * _WEIGHT
 
     def act(world: World, state: State) -> None:
@@ -95,19 +95,19 @@ def cable_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 def _over_pulley(away: Array, radius: float) -> Array:
     """Cable from the swivel axis round the groove and straight to the platform joint [m].
 
-    In the pulley's plane it leaves where it is tangent; that angle is where the line from the
-    groove is at right angles to the radius there.
+    In the pulley's plane the cable leaves tangentially: there the line from the groove is at right
+    angles to the radius.
     """
     level, above = np.hypot(away[..., 0], away[..., 1]) - radius, away[..., 2]
     far = np.hypot(level, above)
     free = np.sqrt(far**2 - radius**2)
-    towards = np.arctan2(above, level)  # of the joint seen from the pulley's middle
+    towards = np.arctan2(above, level)  # angle of the joint seen from the pulley's centre
     leaves = towards + np.arccos(radius / far)
     return radius * (np.pi - leaves) + free
 
 
 def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cables run over swivelling pulleys that the controller takes for points."""
+    """Cables run over swivelling pulleys that the controller models as points."""
     radius = strength * _PULLEY
 
     def act(world: World, state: State) -> None:
@@ -120,13 +120,13 @@ def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def drum_build_up(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cable lies over cable: the radius shrinks by as much of its square as leaves the drum."""
+    """Cable lies over cable: the squared radius decreases in proportion to the cable let out."""
     layer = strength * _LAYER
 
     def act(world: World, state: State) -> None:
         radius = CDPR8.gain * CDPR8.gear
         drum = world.command / CDPR8.gear
-        # d(r^2) = -layer d(out), d(out) = r d(drum): r falls evenly with the turn
+        # d(r^2) = -layer d(out), d(out) = r d(drum): r decreases linearly with the angle.
         out = radius * drum - layer * drum**2 / 4
         _lets_out(state, out - radius * drum)
 
@@ -134,7 +134,7 @@ def drum_build_up(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
-    """What it can hide: causes by name, and kinds of what no catalogue has."""
+    """Causes that can be hidden in a cable robot by name, and kinds that are in no catalogue."""
     geared = ("backlash", "stick_slip", "joint_lag", "encoder_eccentricity", "joint_zero_drift")
     drives = drives_of(Drive(CDPR8.size), *geared)
 

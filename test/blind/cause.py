@@ -1,4 +1,4 @@
-"""What a hidden cause is: a name, what it does, and its true values for the judge."""
+"""Definition of a hidden cause: its name, its action, and its true values for the judge."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 def nothing(world: World, state: State) -> None:
-    """For what is in the build already."""
+    """Action of a cause that is already in the build."""
 
 
 def as_built(build: Any) -> Any:
-    """For what leaves the build as it is."""
+    """Rebuild of a cause that leaves the build unchanged."""
     return build
 
 
@@ -31,15 +31,15 @@ class Cause:
     name: str
     act: Act = nothing
     values: Mapping[str, float | str] = field(default_factory=dict)  # SI
-    location: str | None = None  # joint_1, ... where it is not shared
+    location: str | None = None  # joint_1, ... if it is in one joint only
     rebuild: Callable[[Any], Any] = as_built
-    truth: Truth | None = None  # of what no catalogue has; of the others see `truths`
+    truth: Truth | None = None  # of what is in no catalogue; for the others see `truths`
 
 
-# (rng, strength, legs that have it (m,) of 0 and 1) -> the cause
+# (rng, strength, legs that have it (m,) of 0 and 1) -> cause
 Draw = Callable[[np.random.Generator, float, Array], Cause]
 
 
 def of_legs(name: str, values: Array) -> dict[str, float]:
-    """Values of the legs that have any, by name."""
+    """Non-zero values by name, with the number of the leg appended."""
     return {f"{name}_{leg + 1}": float(v) for leg, v in enumerate(values) if v}

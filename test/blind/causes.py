@@ -1,9 +1,9 @@
-"""All causes by their names, and how a cause is asked for.
+"""All causes by name, and the syntax for requesting them.
 
-`backlash` is in all joints, in each with its own size, `backlash@2` in joint 2 alone. `arm_length`
-is wrong in one chain that the seed draws, `arm_length@3` in chain 3. `unknown` is something in no
-catalogue whose kind the seed draws of the seven in `unknown`, `unknown:ripple` of this kind; those
-in `unnamed` are asked for by their kind.
+`backlash` is in all joints, in each with its own size; `backlash@2` is in joint 2 alone.
+`arm_length` is wrong in one chain drawn by the seed, `arm_length@3` in chain 3. `unknown` is
+something in no catalogue whose kind the seed draws from the seven in `unknown`; `unknown:ripple`
+is of this kind. The kinds in `unnamed` are requested by name.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ IN_NO_CATALOGUE: dict[str, Draw] = {**UNKNOWN, **UNNAMED}
 
 
 def draw(asked: str, strength: float, rng: np.random.Generator, robot: str = "srbd") -> Cause:
-    """The cause that `asked` names, in a machine of this robot's, its sizes drawn.
+    """The cause that `asked` names, in a machine of this robot, with its sizes drawn.
 
     Raises:
         KeyError: there is no such cause.

@@ -1,4 +1,4 @@
-"""A machine with its causes, before its tracker: what any plan would measure, without noise."""
+"""A machine with its causes in front of a tracker; measures any plan without noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Measured:
-    """Readings without noise, with and without the causes."""
+    """Noise-free readings with and without the causes."""
 
     world: World
     state: State
@@ -31,10 +31,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Cell:
-    """One machine, and how long its session takes: what drifts drifts over that."""
+    """One machine, and the duration of its session, over which drifts extend."""
 
     build: Any
-    plain: Any  # before the causes
+    plain: Any  # without the causes
     causes: tuple[Cause, ...]
     tracker: Tracker
     warming: Warming
@@ -51,7 +51,7 @@ class Cell:
         length: float,
         kind: Kind = DELTA,
     ) -> Cell:
-        """A machine of the workshop, the causes put in."""
+        """Draw a machine within manufacturing errors and add the causes."""
         plain = kind.manufactured(rng, scatter)
         build = plain
         for cause in causes:
@@ -61,11 +61,11 @@ class Cell:
         return cls(build, plain, causes, tracker, warming, length, scatter, kind)
 
     def only(self, cause: Cause) -> Cell:
-        """The same machine with one of its causes alone."""
+        """The same machine with only one of its causes."""
         return replace(self, causes=(cause,), build=cause.rebuild(self.plain))
 
     def measure(self, items: Sequence[Item]) -> Measured:
-        """Carry out a plan."""
+        """Execute a plan."""
         world = self._world(items, self.build)
         state = State.untouched(world)
         for cause in self.causes:

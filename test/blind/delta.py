@@ -1,4 +1,4 @@
-"""The Delta of six rods as the generator has it: its masses, its tensions, its workspace."""
+"""The six-rod Delta of the generator: masses, tensions, workspace."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from blind.weight import energy
 Array = NDArray[np.float64]
 
 PLATFORM_KG, ARM_KG, ROD_KG = 1.2, 1.6, 0.18
-ARM_CENTRE = 0.45  # of its length from the motor's axis
-_LONGER = 1e-5  # [m] step of the differences
-_LOWEST = np.radians(-30.0)  # [rad] with the approach still above the joints' limit
+ARM_CENTRE = 0.45  # of the arm's length, from the motor axis
+_LONGER = 1e-5  # [m] step of finite differences
+_LOWEST = np.radians(-30.0)  # [rad] with the approach still above the joint limit
 
 
 class Delta(Kind):
-    """SRBD."""
+    """The robot SRBD."""
 
     robot = "srbd"
     joints = ("joint_1", "joint_2", "joint_3")
@@ -75,10 +75,10 @@ class Delta(Kind):
     def masses(
         self, stand: Stand, build: Build, payload: Array, centre: Array
     ) -> tuple[Array, Array]:
-        """Masses (n, 17) [kg] and where they are (n, 17, 3) [m].
+        """Masses (n, 17) [kg] and their positions (n, 17, 3) [m].
 
-        A rod is three points: with 1/6, 2/3, 1/6 of its mass at its ends and middle, weight,
-        moments and kinetic energy are those of a uniform rod.
+        A rod is three points with 1/6, 2/3, 1/6 of its mass at ends and middle. Its weight,
+        moments and kinetic energy are then those of a uniform rod.
         """
         n = len(stand.place)
         foot = build.arms[2].mean(axis=1)
@@ -127,7 +127,7 @@ class Delta(Kind):
         return result.reshape(-1, 3, 2)
 
     def pulls_of_motion(self, moved: Any) -> Array:
-        """Tension that each rod must give to move the masses, (n, 3, 2) [N]."""
+        """Tension of each rod that accelerates the masses, (n, 3, 2) [N]."""
         each = []
         for rod in np.eye(6).reshape(6, 1, 3, 2):
             longer = (self.nothing().and_rod(s * _LONGER * rod) for s in (1, -1))
@@ -146,7 +146,7 @@ class Delta(Kind):
         return q[q.min(axis=1) > _LOWEST][:count]
 
     def at(self, points: Array) -> Array:
-        """What the controller commands for points: the machine as drawn, arms outward."""
+        """Joint commands for points, by the nominal machine, arms outward."""
         joints = []
         for leg in LEGS:
             outward, aside, up = (points @ leg).T

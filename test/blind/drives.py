@@ -1,7 +1,7 @@
-"""What hides in a drive, behind its encoder: what the joint does that the encoder does not say.
+"""Causes hidden in a drive: the joint moves differently from what its encoder indicates.
 
-Play and friction are run over the whole commanded motion, moves between poses included. Sizes at
-strength 1 are those of a real drive; each of the three has its own.
+Backlash and friction are integrated over the whole commanded motion, moves between poses included.
+Sizes at strength 1 are those of a real drive; each of the three drives has its own.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ Array = NDArray[np.float64]
 
 _GAP = 0.29e-3  # [rad] one minute of arc
 _FRICTION = 60e-6  # [rad] by which static friction twists the drive
-_PRESLIDING = 0.4e-3  # [rad] over which friction builds up
-_STRIBECK = 0.05  # [rad/s] above which friction falls to ...
+_PRESLIDING = 0.4e-3  # [rad] of travel over which friction builds up
+_STRIBECK = 0.05  # [rad/s] above which friction decreases to ...
 _COULOMB = 0.2  # ... this share
-_GEAR, _WAVE = 33.0, 100.0  # motor turns a joint turn: planetary gear, harmonic drive
+_GEAR, _WAVE = 33.0, 100.0  # motor turns per joint turn: planetary gear, harmonic drive
 _RIPPLE = 0.15e-3  # [rad]
 _ECCENTRIC = 0.2e-3  # [rad]
 _SCALE = 200e-6
@@ -33,36 +33,36 @@ _CREEP = 0.1e-3  # [rad]
 _LAG = 3e-3  # [s]
 _GIVE = 1 / 2.5e4  # [rad/(N m)]
 _TURN = 2 * np.pi
-LINES = 1024  # periods of an encoder's signals a turn of the joint
+LINES = 1024  # signal periods of an encoder per turn of the joint
 _SUBDIVISION = 0.01  # of a period
 _FINE = 8  # steps between two samples
 
 
 @dataclass(frozen=True)
 class Drive:
-    """What drives the joints of a machine: its sizes are those of a Delta's, times `size`."""
+    """Drives of the joints of a machine, with the sizes of a Delta's drives times `size`."""
 
-    size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
-    gears: tuple[float, float] = (_GEAR, _WAVE)  # motor's turns, or radians, a joint's unit
+    size: float = 1.0  # joint unit equivalent to one radian on a Delta
+    gears: tuple[float, float] = (_GEAR, _WAVE)  # motor turns, or radians, per joint unit
 
 
 ROTARY = Drive()
 
 
 def uneven(rng: np.random.Generator, legs: Array) -> Array:
-    """One drive is not like the other: 0.7 to 1.3 of the typical, (m,)."""
+    """Different sizes for the drives, 0.7 to 1.3 of the typical one, (m,)."""
     return legs * rng.uniform(0.7, 1.3, len(legs))
 
 
 def either(rng: np.random.Generator, legs: Array) -> Array:
-    """The same with either sign, (m,)."""
+    """The same with random signs, (m,)."""
     return uneven(rng, legs) * rng.choice([-1.0, 1.0], len(legs))
 
 
 def backlash(
     rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
 ) -> Cause:
-    """Play: the joint stays until the motor has crossed the gap, then goes with it."""
+    """Backlash: the joint stays until the motor has crossed the gap, then follows it."""
     gap = strength * _GAP * uneven(rng, legs) * drive.size
 
     def act(world: World, state: State) -> None:
@@ -73,7 +73,7 @@ def backlash(
 
 
 def _play(motor: Array, half: float) -> Array:
-    """Joint less motor, (n,), begun in the middle of the gap."""
+    """Joint minus motor, (n,), starting in the middle of the gap."""
     at, result = float(motor[0]), []
     for angle in motor.tolist():
         at = min(max(at, angle - half), angle + half)
@@ -84,7 +84,7 @@ def _play(motor: Array, half: float) -> Array:
 def stick_slip(
     rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
 ) -> Cause:
-    """LuGre friction twists the drive: bristles bend as it creeps, and let go with speed."""
+    """LuGre friction twists the drive: bristles bend at low speed, and relax with speed."""
     size = strength * _FRICTION * uneven(rng, legs) * drive.size
 
     def act(world: World, state: State) -> None:
@@ -92,13 +92,13 @@ def stick_slip(
             bent = _bristles(world.time, world.command[:, leg] / drive.size)
             state.joint[:, leg] -= size[leg] * bent
 
-    # at speed friction is all level, which is a play: as wide as the bend one way and the other
+    # At speed friction is constant, which acts as backlash of twice the deflection.
     play = of_legs("play", 2 * _COULOMB * size)
     return Cause("stick_slip", act, of_legs("friction", size) | play)
 
 
 def _bristles(time: Array, motor: Array) -> Array:
-    """Their bend in units of static friction's, (n,): z' = v - |v| z / g(v), step by step."""
+    """Bend of the bristles relative to that at static friction, (n,): z' = v - |v| z / g(v)."""
     bend, result = 0.0, [0.0]
     steps = np.diff(motor)
     speed = np.abs(steps) / np.diff(time)
@@ -112,7 +112,7 @@ def _bristles(time: Array, motor: Array) -> Array:
 
 
 def joint_lag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Each servo trails its command: T y' = u - y, stepped finely through time."""
+    """Each servo trails its command: T y' = u - y, integrated in fine steps."""
     constant = strength * _LAG * legs * rng.uniform(0.3, 1.7, len(legs))
 
     def act(world: World, state: State) -> None:
@@ -129,7 +129,7 @@ def joint_lag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def _behind(u: Array, step: float, constant: float) -> Array:
-    """u - y from rest, (n,), exact for a u that is straight between its samples."""
+    """u - y from rest, (n,), exact for a u that is linear between its samples."""
     keeps = math.exp(-step / constant)
     slope = np.diff(u, prepend=u[0]) / step
     return np.asarray(lfilter([constant * (1 - keeps)], [1.0, -keeps], slope))
@@ -138,7 +138,7 @@ def _behind(u: Array, step: float, constant: float) -> Array:
 def encoder_eccentricity(
     rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
 ) -> Cause:
-    """A code disc off its axis: the read head sees the circle's points from beside its centre."""
+    """A code disc mounted off its axis: the read head measures angles about another centre."""
     size = strength * _ECCENTRIC * uneven(rng, legs) * drive.size
     bearing = rng.uniform(0, 2 * np.pi, len(legs))
 
@@ -150,7 +150,7 @@ def encoder_eccentricity(
 
 
 def encoder_interpolation(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Two signals off their ideal, and what their arc tangent then says of the angle."""
+    """Errors of two encoder signals, and the angle error that results after the arc tangent."""
     off = _TURN * strength * _SUBDIVISION * legs * rng.uniform(-1.0, 1.0, (4, len(legs)))
 
     def act(world: World, state: State) -> None:
@@ -171,7 +171,7 @@ def encoder_interpolation(rng: np.random.Generator, strength: float, legs: Array
 def transmission_error(
     rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
 ) -> Cause:
-    """A gear that is not round: once and twice a turn of the motor, on and on as it turns."""
+    """Gear error with one and two periods per motor turn."""
     size = strength * _RIPPLE * uneven(rng, legs) * drive.size
     phase = rng.uniform(0, 2 * np.pi, (2, len(legs)))
     wave = bool(rng.random() < 0.5)
@@ -184,7 +184,7 @@ def transmission_error(
             state.joint += size * shares[turns - 1] * np.sin(turns * motor + phase[turns - 1])
 
     said = {"cycles": ratio * main, **of_legs("size", size)}
-    for turns in (1, 2):  # every order with its share, for who judges an equation
+    for turns in (1, 2):  # each order with its share, for the judge of equations
         said[f"order_{turns}"], said[f"share_{turns}"] = ratio * turns, shares[turns - 1]
         said |= {
             f"phase_{turns}_{leg + 1}": float(phase[turns - 1, leg]) for leg in range(len(legs))
@@ -193,7 +193,7 @@ def transmission_error(
 
 
 def joint_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Counts a turn entered wrong."""
+    """A wrong number of counts per turn."""
     scale = strength * _SCALE * either(rng, legs)
 
     def act(world: World, state: State) -> None:
@@ -205,7 +205,7 @@ def joint_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause
 def joint_zero_drift(
     rng: np.random.Generator, strength: float, legs: Array, drive: Drive = ROTARY
 ) -> Cause:
-    """A coupling that creeps all the while, or slips once."""
+    """A coupling that creeps during the whole session, or slips once."""
     size = strength * _CREEP * either(rng, legs) * drive.size
     slips, when = rng.random() < 0.5, rng.random()
 
@@ -219,7 +219,7 @@ def joint_zero_drift(
 
 
 def joint_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Each drive a spring that gives way to all that it carries: weight, and inertia in motion."""
+    """Each drive is a spring loaded by weight, and by inertia in motion."""
     give = strength * _GIVE * uneven(rng, legs)
 
     def act(world: World, state: State) -> None:
@@ -229,7 +229,7 @@ def joint_compliance(rng: np.random.Generator, strength: float, legs: Array) -> 
 
 
 def dynamic_deflection(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Drives that hold all weight, and give way to what it takes to move the masses."""
+    """Drives that hold all weight but yield to inertia."""
     give = strength * _GIVE * uneven(rng, legs)
 
     def act(world: World, state: State) -> None:
@@ -252,6 +252,6 @@ DRIVES: dict[str, Draw] = {
 
 
 def drives_of(drive: Drive, *names: str) -> dict[str, Draw]:
-    """Some of these causes in other drives."""
+    """Some of these causes with the sizes of other drives."""
     sized = (backlash, stick_slip, encoder_eccentricity, transmission_error, joint_zero_drift)
     return {n: partial(DRIVES[n], drive=drive) if DRIVES[n] in sized else DRIVES[n] for n in names}

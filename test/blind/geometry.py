@@ -1,4 +1,4 @@
-"""One dimension of one chain, wrong by much: what hides in how a machine was built."""
+"""A large error of one dimension of one chain."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _mismatched(build: Build, leg: int, size: float) -> Build:
     return replace(build, rod=rod)
 
 
-# cause -> parameters it may be in, each with its typical size [rad], [m]
+# Cause -> parameters it may affect, each with its typical size [rad], [m].
 _ONE: dict[str, dict[str, tuple[float, Wrong]]] = {
     "joint_zero_offset": {"zero": (1e-3, lambda b, k, s: _at(b, "zero", (k,), s))},
     "arm_length": {"arm": (0.2e-3, lambda b, k, s: _at(b, "arm", (k,), s))},
@@ -64,7 +64,7 @@ def _draw(name: str) -> Draw:
 
 
 def _all_over(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Another machine's manufacturing errors on top of this one's: many, and none dominates."""
+    """Another machine's manufacturing errors in addition: many, none of them dominant."""
     more, exact = manufactured(rng, strength), manufactured(rng, 0.0)
 
     def rebuild(build: Build) -> Build:

@@ -1,4 +1,4 @@
-"""What a law may depend on, sample by sample, by the names of the glossary; and what it moves."""
+"""Inputs that a law may depend on, by the names of the glossary, and the displacements by it."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ _PARTS = ("arm", "base", "forearm")
 
 
 class Inputs(Mapping[str, Array]):
-    """Those of a world, each (n,) in SI and degrees Celsius, worked out when asked for.
+    """Inputs of a world, each (n,) in SI units and degrees Celsius, computed when first used.
 
-    A torque is what the drive must give against weight and inertia; a rod's pull that of weight.
+    A torque is the drive torque against weight and inertia; the tension of a rod is that of
+    weight.
     """
 
     def __init__(self, world: World) -> None:
@@ -54,7 +55,7 @@ class Inputs(Mapping[str, Array]):
 
 
 def put(state: State, moved: Mapping[str, Array]) -> None:
-    """Turn, lengthen, push out and shift what a law says, by the names of its left sides."""
+    """Apply the displacements of a law to the state, by the names of its left sides."""
     for name, by in moved.items():
         word, _, where = name.removeprefix("d").partition("_")
         if word in ("x", "y", "z"):
@@ -75,14 +76,14 @@ def put(state: State, moved: Mapping[str, Array]) -> None:
 
 
 def _direction(world: World) -> Array:
-    """In which each joint last went, (n, 3) -1, 0 before it first did, 1."""
+    """Last direction of motion of each joint, (n, 3): -1, 1, or 0 before its first motion."""
     way = np.sign(np.diff(world.command, axis=0, prepend=world.command[:1]))
     last = np.maximum.accumulate(np.where(way != 0, np.arange(len(way))[:, None], 0), axis=0)
     return np.take_along_axis(way, last, axis=0)
 
 
 def _travel(world: World) -> Array:
-    """How far each joint has gone since it last turned, (n, 3) [rad]."""
+    """Travel of each joint since its last reversal, (n, 3) [rad]."""
     gone = np.cumsum(np.abs(np.diff(world.command, axis=0, prepend=world.command[:1])), axis=0)
     turned = np.diff(_direction(world), axis=0, prepend=0) != 0
     before = np.concatenate([np.zeros((1, 3)), gone[:-1]])
@@ -90,7 +91,7 @@ def _travel(world: World) -> Array:
 
 
 def _speed(world: World) -> Array:
-    """Of the platform, (n,) [m/s]; at rest at both ends of each item."""
+    """Speed of the platform, (n,) [m/s]; zero at both ends of each item."""
     speed = np.zeros(len(world.time))
     for number in range(len(world.items)):
         rows = np.flatnonzero(world.item == number)

@@ -1,4 +1,4 @@
-"""What the generator asks of a machine; everything else is written once, for all of them."""
+"""Interface of a machine of the generator; everything else is written once for all machines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
-Way = Callable[[Array], Array]  # times (n,) [s] -> what the plan commands (n, k)
+Way = Callable[[Array], Array]  # times (n,) [s] -> plan coordinates (n, k)
 Anything = TypeVar("Anything", bound=Any)
 Span = tuple[float, float]
 
@@ -22,7 +22,7 @@ _CONFIG = Path(__file__).resolve().parents[2] / "config"
 
 
 class Stand(Protocol):
-    """Where a machine stands at n samples."""
+    """Position of a machine at n samples."""
 
     place: Array  # (n, 3) [m] of the platform
 
@@ -30,60 +30,60 @@ class Stand(Protocol):
         """A point fixed to the platform, (3,) -> (n, 3) [m]."""
 
     def take(self, rows: Index) -> Any:
-        """Some of the samples."""
+        """A subset of the samples."""
 
 
 @dataclass(frozen=True)
 class More:
-    """What is added to parts of a build, sample by sample: (n, *shape of the part), or n = 1."""
+    """Additions to parts of a build, sample by sample: (n, *shape of the part), or n = 1."""
 
     parts: Mapping[str, Array]
 
     def plus(self, part: str, by: Array) -> More:
-        """The same with `by` more of a part."""
+        """The same with `by` added to a part."""
         return More({**self.parts, part: self.parts.get(part, 0.0) + by})
 
     def of(self, part: str) -> Array | float:
-        """Of a part; 0 where it is as built."""
+        """Addition to a part; 0 if it is as built."""
         return self.parts.get(part, 0.0)
 
     def take(self, rows: Index) -> More:
-        """Some of the samples."""
+        """A subset of the samples."""
         return More({k: v if len(v) == 1 else v[rows] for k, v in self.parts.items()})
 
 
 class Kind(ABC):
-    """A kind of machine: its geometry, its masses, what may be commanded, how it warms.
+    """A kind of machine: geometry, masses, possible commands, warming.
 
     A build is a frozen dataclass of arrays, one of them `zero`, of the joints. Plans are written
-    in coordinates u (n, k) that the controller moves along smoothly: joints where nothing else is
-    said, a pose where the joints cannot be moved one by one.
+    in coordinates u (n, k) along which the controller moves smoothly: joints unless stated
+    otherwise, a pose where the joints cannot be moved one by one.
     """
 
-    robot: str  # name of the robot's file
+    robot: str  # name of the robot file
     joints: tuple[str, ...]
-    size: float = 1.0  # of the joints' unit, that does what one radian does on a Delta
-    rest: float  # [joint unit] where a joint comes to rest, one draw a move
+    size: float = 1.0  # joint unit equivalent to one radian on a Delta
+    rest: float  # [joint unit] error at rest, drawn once per move
     encoder: float  # [joint unit]
     centre: Array = np.array([0.0, 0.0, -0.03])  # [m] of the payload, in the platform
     heavy: float = 2.0  # [kg] the second payload
-    rise: Mapping[str, Span]  # [K] how far parts warm
-    constant: Mapping[str, Span]  # [s] how fast
-    sensors: tuple[str, ...]  # parts with a thermometer
+    rise: Mapping[str, Span]  # [K] temperature rise of the parts
+    constant: Mapping[str, Span]  # [s] time constant of the rise
+    sensors: tuple[str, ...]  # parts with a temperature sensor
     far: Span = (2.6, 3.2)  # [m] of the tracker
-    offset: float = 0.05  # [m] how far from the drawing the reflector is expected
-    noise: Span | None = None  # [m] an axis, at rest and in motion; by its sources where None
-    # [m], [rad] how far off each dimension is expected to be
+    offset: float = 0.05  # [m] expected deviation of the reflector from the drawing
+    noise: Span | None = None  # [m] per axis, at rest and in motion; from its sources if None
+    # [m], [rad] expected deviation of each dimension
     expected: Mapping[str, Any]
     home: Array  # (k,) of u
-    beside: Array  # (k,) of u where the slow approach to a stop begins
+    beside: Array  # (k,) of u at the start of the slow approach to a stop
 
     @abstractmethod
     def drawing(self) -> Any:
-        """The machine as drawn."""
+        """The nominal machine."""
 
     def manufactured(self, rng: np.random.Generator, scatter: float) -> Any:
-        """A machine as built: every part off by `scatter` times its tolerance."""
+        """A machine as built: every part deviates by `scatter` times its tolerance."""
         d = self.drawing()
         off = {
             f.name: getattr(d, f.name)
@@ -93,16 +93,16 @@ class Kind(ABC):
         return replace(d, **off)
 
     def nothing(self) -> Any:
-        """Nothing that differs from the build."""
+        """No difference from the build."""
         return More({})
 
     @abstractmethod
     def assemble(self, q: Array, build: Any, changed: Any = None, near: Any = None) -> Any:
-        """Where it stands at joint angles q, (n, m); a start `near` may help."""
+        """Position at joint angles q, (n, m); a solution `near` may serve as start."""
 
     @abstractmethod
     def masses(self, stand: Any, build: Any, payload: Array, centre: Array) -> tuple[Array, Array]:
-        """Masses (n, k) [kg] of what moves, and where they are (n, k, 3) [m]."""
+        """Masses (n, k) [kg] of the moving parts, and their positions (n, k, 3) [m]."""
 
     def pulls(
         self, q: Array, build: Any, changed: Any, payload: Array, centre: Array, near: Any
@@ -111,34 +111,34 @@ class Kind(ABC):
         raise NotImplementedError(f"{self.robot} has neither rods nor cables")
 
     def pulls_of_motion(self, moved: Any) -> Array | float:
-        """More tension of them where masses are moved (`weight.Moved`) [N]."""
+        """Additional tension of rods or cables by the motion of masses (`weight.Moved`) [N]."""
         del moved
         return 0.0
 
     @abstractmethod
     def reflector(self, rng: np.random.Generator) -> Array:
-        """Where it sits on the platform, (3,) [m]."""
+        """Position of the reflector on the platform, (3,) [m]."""
 
-    # --- what is commanded
+    # --- commands
 
     def command(self, u: Array) -> Array:
-        """Joints (n, m) for what the plan wants."""
+        """Joint commands (n, m) for plan coordinates."""
         return u
 
     @abstractmethod
     def places(self, rng: np.random.Generator, count: int) -> Array:
-        """Stops all over the workspace, (count, k) of u."""
+        """Stops distributed over the workspace, (count, k) of u."""
 
     @abstractmethod
     def at(self, points: Array) -> Array:
-        """What to command for points of a circle, (n, 3) [m] -> (n, k) of u."""
+        """Plan coordinates for points of a circle, (n, 3) [m] -> (n, k) of u."""
 
     @abstractmethod
     def ring(self, angle: Array, radius: float, level: float) -> Array:
         """Points of a circle, (n, 3) [m]."""
 
-    circle: Span = (0.14, -0.70)  # [m] radius and level that are measured
-    others: tuple[Span, Span] = ((0.11, -0.74), (0.11, -0.74))  # those that are held out
+    circle: Span = (0.14, -0.70)  # [m] radius and level of the measured circles
+    others: tuple[Span, Span] = ((0.11, -0.74), (0.11, -0.74))  # the same of the held-out circles
     sweep: Array  # (s, k) of u, to either side of home
 
 
@@ -149,7 +149,7 @@ def read(robot: str) -> dict[str, Any]:
 
 
 def at(build: Anything, part: str, where: tuple[int, ...], size: float) -> Anything:
-    """The same build with one number of a part more by `size`."""
+    """The same build with `size` added to one number of a part."""
     values = getattr(build, part).copy()
     values[where] += size
     return replace(build, **{part: values})

@@ -1,4 +1,4 @@
-"""All machines by the names of their robot files, and what each can hide."""
+"""All machines by the names of their robot files, and the causes that each can hide."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from blind.winches import CDPR8
 
 EVERY: tuple[Kind, ...] = (DELTA, SCARA, LINEAR_DELTA, UR10, FIVE_AXIS, CDPR8)
 KINDS: dict[str, Kind] = {kind.robot: kind for kind in EVERY}
-# what machines other than the Delta hide: causes by name, and kinds of what no catalogue has
+# Causes of machines other than the Delta by name, and kinds that are in no catalogue.
 OTHERS: dict[str, tuple[dict[str, Draw], dict[str, Draw]]] = {
     **{kind.robot: arm_causes(kind) for kind in (SCARA, UR10)},
     **{kind.robot: slider_causes(kind) for kind in (LINEAR_DELTA, FIVE_AXIS)},

@@ -1,4 +1,4 @@
-"""Vector loops closed for many samples at once, by Newton's steps with numeric slopes."""
+"""Loop closures for many samples at once, by Newton's method with numeric derivatives."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-Gaps = Callable[[Array], Array]  # unknowns (n, k) -> what is left open (n, e) [m]
+Gaps = Callable[[Array], Array]  # unknowns (n, k) -> closure errors (n, e) [m]
 
-_STEP = 1e-6  # [m], [rad] of the differences
+_STEP = 1e-6  # [m], [rad] step of finite differences
 _CLOSED, _MOST = 1e-13, 40
 
 
@@ -24,10 +24,10 @@ def slopes(of: Gaps, at: Array) -> Array:
 
 
 def closed(gaps: Gaps, start: Array) -> Array:
-    """Unknowns (n, k) at which the loops close, or come nearest to that where they cannot.
+    """Unknowns (n, k) that close the loops, or fit best where the loops cannot close.
 
     Raises:
-        ArithmeticError: they do not close from there.
+        ArithmeticError: there is no convergence from this start.
     """
     x = start
     for _ in range(_MOST):
@@ -35,7 +35,7 @@ def closed(gaps: Gaps, start: Array) -> Array:
         across = np.swapaxes(slope, 1, 2)
         step = np.linalg.solve(across @ slope, across @ open_by[..., None])[..., 0]
         x = x - step
-        # where more loops than unknowns are left open a little, the last digits go round
+        # With more loops than unknowns some error remains, and the last digits do not settle.
         if np.abs(step).max() < (_CLOSED if slope.shape[1] == slope.shape[2] else 1e-11):
             return np.asarray(x)
     raise ArithmeticError(f"the loops do not close: last step {np.abs(step).max():.1e}")

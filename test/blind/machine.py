@@ -1,9 +1,9 @@
 """A rotary Delta of six separate rods, solved for many samples at once.
 
 Ball joints are points, a rod is a distance between two of them, and the platform lies where all
-six distances are right. Its orientation is a Gibbs vector g (tangent of half the angle), so that
-R b = b + 2 (g x b + g x (g x b)) / (1 + g.g) is exact and has no singularity near upright. What
-may change from sample to sample (a rod that stretches, an arm that grows) is an argument of the
+six distances are right. Its orientation is a Gibbs vector g (tangent of half the angle), so that R
+b = b + 2 (g x b + g x (g x b)) / (1 + g.g) is exact and has no singularity near upright. What may
+change from sample to sample (a rod that stretches, an arm that grows) is an argument of the
 solution, not of the machine.
 """
 
@@ -29,7 +29,7 @@ _MOST = 25
 
 @dataclass(frozen=True)
 class Build:
-    """How a machine was built; lengths [m], angles [rad]; one row a leg."""
+    """Dimensions of a machine as built; lengths [m], angles [rad]; one row per leg."""
 
     hinge: Array  # (3, 3) of the motor's axis, in the leg's directions: outward, along, up
     tilt: Array  # (3, 3) rotation vector of the hinge
@@ -44,7 +44,7 @@ class Build:
 
     @cached_property
     def arms(self) -> tuple[Array, Array, Array]:
-        """Arm at angle 0 and at -90 degrees, both (3, 3), and rods' ends at its end (3, 2, 3)."""
+        """Arm vectors at 0 and -90 degrees, both (3, 3), and rod ends at the elbows (3, 2, 3)."""
         turned = LEGS @ Rotation.from_rotvec(self.tilt).as_matrix()
         line = Rotation.from_rotvec(self.elbow_line).apply([0.0, 1.0, 0.0])
         ends = (SIDES * self.elbow)[:, :, None] * line[:, None]
@@ -61,7 +61,7 @@ class Build:
 
 
 def drawing() -> Build:
-    """The machine as drawn."""
+    """The nominal machine."""
     return Build(
         hinge=np.tile([RADIUS, 0.0, 0.0], (3, 1)),
         tilt=np.zeros((3, 3)),
@@ -77,8 +77,8 @@ def drawing() -> Build:
 
 
 def manufactured(rng: np.random.Generator, scatter: float) -> Build:
-    """A machine as built: every part off by `scatter` times a good workshop's tolerance."""
-    # Turned about its own line a pair stays the same pair.
+    """A machine as built: every part deviates by `scatter` times a good workshop's tolerance."""
+    # Rotated about its own line a pair remains the same pair.
     no_y = np.array([1.0, 0.0, 1.0])
 
     def off(size: float, *shape: int) -> Array:
@@ -102,7 +102,7 @@ def manufactured(rng: np.random.Generator, scatter: float) -> Build:
 
 @dataclass(frozen=True)
 class Changed:
-    """What differs from the build in each sample [m]; first axis n, or 1 for all alike."""
+    """Differences from the build in each sample [m]; first axis n, or 1 if all are alike."""
 
     arm: Array  # (n, 3) longer by
     rod: Array  # (n, 3, 2) longer by
@@ -114,19 +114,19 @@ class Changed:
         return cls(np.zeros((n, 3)), np.zeros((n, 3, 2)), np.zeros((n, 3)))
 
     def and_arm(self, more: Array) -> Changed:
-        """The same with arms longer by more, (n, 3)."""
+        """The same with arms longer by `more`, (n, 3)."""
         return replace(self, arm=self.arm + more)
 
     def and_rod(self, more: Array) -> Changed:
-        """The same with rods longer by more, (n, 3, 2)."""
+        """The same with rods longer by `more`, (n, 3, 2)."""
         return replace(self, rod=self.rod + more)
 
     def and_outward(self, more: Array) -> Changed:
-        """The same with hinges farther out by more, (n, 3)."""
+        """The same with hinges farther out by `more`, (n, 3)."""
         return replace(self, outward=self.outward + more)
 
     def take(self, rows: NDArray[np.int64]) -> Changed:
-        """Some of the samples."""
+        """A subset of the samples."""
 
         def some(values: Array) -> Array:
             return values if len(values) == 1 else values[rows]
@@ -136,11 +136,11 @@ class Changed:
 
 @dataclass(frozen=True)
 class Stand:
-    """Where the platform is, and what moves with it."""
+    """Pose of the platform, and the points that move with it."""
 
     place: Array  # (n, 3) [m]
     gibbs: Array  # (n, 3)
-    inverse: Array  # (n, 6, 6) of the closure's slope near here, for what is to be solved nearby
+    inverse: Array  # (n, 6, 6) of the closure's derivative, for solutions near here
     elbows: Array  # (n, 3, 2, 3) [m]
     arms: Array  # (n, 3, 3) middle of the elbow of each arm [m]
     balls: Array  # (3, 2, 3) of the platform in its own directions
@@ -155,7 +155,7 @@ class Stand:
         return (self.place[:, None] + turned(self.gibbs, flat)).reshape(-1, 3, 2, 3)
 
     def take(self, rows: NDArray[np.int64]) -> Stand:
-        """Some of the samples."""
+        """A subset of the samples."""
         return Stand(
             self.place[rows],
             self.gibbs[rows],
@@ -167,7 +167,7 @@ class Stand:
 
 
 def turned(gibbs: Array, local: Array) -> Array:
-    """Points (k, 3) turned by each of n Gibbs vectors, (n, k, 3)."""
+    """Points (k, 3) rotated by each of n Gibbs vectors, (n, k, 3)."""
     x, y, z = gibbs.T
     nothing = np.zeros_like(x)
     cross = np.stack([nothing, -z, y, z, nothing, -x, -y, x, nothing], axis=1).reshape(-1, 3, 3)
@@ -177,7 +177,7 @@ def turned(gibbs: Array, local: Array) -> Array:
 
 
 def gaps(place: Array, gibbs: Array, elbows: Array, balls: Array, length: Array) -> Array:
-    """Closure: how much too long each rod would have to be, (n, 6) [m]."""
+    """Closure: the length by which each rod is too short, (n, 6) [m]."""
     rods = place[:, None] + turned(gibbs, balls) - elbows
     return (np.einsum("nki,nki->nk", rods, rods) - length**2) / (2 * length)
 
@@ -187,8 +187,8 @@ def assemble(
 ) -> Stand:
     """Close the mechanism at joint angles q, (n, 3) [rad].
 
-    The slope of the closure is inverted once, at the start; with a start a millimetre away every
-    step gains three digits, so that what is wrong by tens of micrometres costs three cheap steps.
+    The derivative of the closure is inverted once, at the start. From a start a millimetre away
+    every step gains three digits, so that effects of tens of micrometres take three cheap steps.
     """
     changed = Changed.nothing() if changed is None else changed
     arms, elbows = _elbows(q, build, changed)
@@ -218,7 +218,7 @@ def _elbows(q: Array, build: Build, changed: Changed) -> tuple[Array, Array]:
 
 
 def _start(arms: Array, build: Build, length: Array) -> Array:
-    """Upright platform from the mean rod of each pair: where three spheres meet below, (n, 3)."""
+    """Start: upright platform, lower intersection of three spheres by the mean rods, (n, 3)."""
     one, two, three = np.moveaxis(arms - build.balls.mean(axis=1), 1, 0)
     r = length.reshape(-1, 3, 2).mean(axis=2)
     a, b = two - one, three - one
@@ -238,7 +238,7 @@ def _start(arms: Array, build: Build, length: Array) -> Array:
 
 
 def _inverse(place: Array, gibbs: Array, elbows: Array, balls: Array) -> Array:
-    """Inverse slope of the closure by place and Gibbs vector, (n, 6, 6)."""
+    """Inverse derivative of the closure by position and Gibbs vector, (n, 6, 6)."""
     arms = turned(gibbs, balls)
     rods = place[:, None] + arms - elbows
     unit = rods / np.linalg.norm(rods, axis=2, keepdims=True)

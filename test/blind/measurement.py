@@ -1,4 +1,4 @@
-"""What hides in the measurement: reflector, air, stand and clock of the tracker."""
+"""Causes hidden in the measurement: reflector, air, stand and clock of the tracker."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def _any_way(rng: np.random.Generator) -> Array:
 
 
 def smr_offset(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The reflector sits elsewhere on the platform: seen as far as the platform tilts."""
+    """The reflector is at another place on the platform; visible where the platform tilts."""
     offset = strength * _OFFSET * _any_way(rng)
 
     def act(world: World, state: State) -> None:
@@ -34,7 +34,7 @@ def smr_offset(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def tracker_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The wavelength of another air: every distance too long, or too short."""
+    """The wavelength in air of other density: every distance is too long, or too short."""
     scale = float(strength * _AIR * rng.choice([-1.0, 1.0]))
 
     def act(world: World, state: State) -> None:
@@ -44,7 +44,7 @@ def tracker_scale(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def tracker_drift(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The tracker's stand moves: on and on, or settling towards an end."""
+    """The stand of the tracker moves: steadily, or settling towards an end."""
     shift, turn = strength * _STAND * _any_way(rng), strength * _YAW * _any_way(rng)
     settles = bool(rng.random() < 0.5)
     constant = float(rng.uniform(1200, 3600)) if settles else np.inf
@@ -61,7 +61,7 @@ def tracker_drift(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def timestamp_latency(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The tracker's clock is off: what it stamps now was true a little before, or will be."""
+    """The clock of the tracker is off: a reading belongs to a moment before or after its stamp."""
     late = float(strength * _CLOCK * rng.choice([-1.0, 1.0]))
 
     def act(world: World, state: State) -> None:

@@ -1,8 +1,8 @@
-"""What a blind session commands: stops from both sides under two payloads, sweeps, circles.
+"""Commands of a blind session: stops from both sides under two payloads, sweeps, circles.
 
-Every motion is a smooth function of time, so that speed and acceleration are known at each sample.
-A stop is a move to a point a little beside the pose, a slow approach from there, and a dwell; the
-tracker reads at 20 Hz. Poor plans leave out what parts one cause from another.
+Every motion is a smooth function of time, so speed and acceleration are known at each sample. A
+stop is a move to a point a little beside the pose, a slow approach from there, and a dwell; the
+tracker measures at 20 Hz. Poor plans leave out what distinguishes causes from one another.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ Array = NDArray[np.float64]
 
 RATE = 20.0  # [1/s] readings
 _HOURS = 2.0
-_MOVE, _APPROACH, _LEAD = 0.5, 0.4, 1.0  # [s]; to the start of a motion
+_MOVE, _APPROACH, _LEAD = 0.5, 0.4, 1.0  # [s]; the last until the start of a motion
 _DWELL = 20  # readings
 _SWEEP_TIME = 40.0  # [s] one way
 _SPEEDS = (0.06, 0.18, 0.5)  # [m/s]
 BOTH = (1.0, -1.0)  # sides
-_DELTA = 1e-3  # [s] step of the differences by time
+_DELTA = 1e-3  # [s] step of the time differences
 
 
 @dataclass(frozen=True)
 class Item:
-    """One thing to do: a stop with its way there, or a measured motion."""
+    """One part of a plan: a stop with the move to it, or a measured motion."""
 
     begin: float  # [s] of the session
     time: Array  # (n,) [s] from its start
     command: Array  # (n, m) [rad]
     velocity: Array  # (n, m) [rad/s]
     acceleration: Array  # (n, m) [rad/s^2]
-    still: NDArray[np.bool_]  # (n,) arrived
-    seen: NDArray[np.bool_]  # (n,) whether the tracker reads
+    still: NDArray[np.bool_]  # (n,) whether it has arrived
+    seen: NDArray[np.bool_]  # (n,) whether the tracker measures
     payload: float  # [kg]
-    side: float  # +1, -1: from where a stop is approached; 0 for a motion
+    side: float  # +1, -1: side of approach to a stop; 0 for a motion
 
 
 @dataclass(frozen=True)
 class Visit:
-    """A pose, the side it is approached from, and what is carried."""
+    """A pose, its side of approach, and the payload."""
 
     goal: Array  # (k,) of u
     side: float
@@ -68,12 +68,12 @@ def still(rng: np.random.Generator, kind: Kind) -> list[Item]:
 
 
 def one_payload(rng: np.random.Generator, kind: Kind) -> list[Item]:
-    """Rich, but nothing is ever carried."""
+    """Rich, but without any payload."""
     return _items(kind, _visits(kind, rng, BOTH, (0.0, 0.0)), sweeps(kind), circles(kind))
 
 
 def one_sided(rng: np.random.Generator, kind: Kind) -> list[Item]:
-    """Rich, but every pose is approached from the same side, and nothing measured in motion."""
+    """Rich, but with every pose approached from the same side, and nothing measured in motion."""
     return _only_still(_items(kind, _visits(kind, rng, (1.0, 1.0), (0.0, kind.heavy)), [], []))
 
 
@@ -97,7 +97,7 @@ PLANS: dict[str, Callable[[np.random.Generator, Kind], list[Item]]] = {
 def held_out(
     rng: np.random.Generator, kind: Kind, hours: float, payloads: Sequence[float]
 ) -> list[Item]:
-    """Other places, sides, payloads and speeds in the same hours, to judge predictions by."""
+    """Other places, sides, payloads and speeds over the same hours, for testing predictions."""
     visits = [
         Visit(goal, float(rng.choice([-1.0, 1.0])), float(rng.choice(payloads)))
         for goal in kind.places(rng, 60)
@@ -113,7 +113,7 @@ def _visits(
     sides: tuple[float, float],
     payloads: tuple[float, float],
 ) -> list[Visit]:
-    """Four blocks of time, payloads in turn; places, sides and repeats shuffled within each."""
+    """Four blocks of time with alternating payload; places, sides and repeats shuffled in each."""
     goals = kind.places(rng, 40)
     every = [(goal, side) for goal in goals for side in sides]
     visits: list[Visit] = []
@@ -183,7 +183,7 @@ def _item(
 
 
 def _line(start: Array, goal: Array, duration: float) -> Way:
-    """From rest to rest with the least jerk."""
+    """Straight path from rest to rest with minimum jerk."""
 
     def path(time: Array) -> Array:
         return start + _smooth(time / duration)[:, None] * (goal - start)
@@ -197,7 +197,7 @@ def _smooth(u: Array) -> Array:
 
 
 def _joined(parts: list[tuple[Way, float]]) -> Way:
-    """One path after the other; each waits at its ends."""
+    """Paths one after the other; each rests at its ends."""
 
     def path(time: Array) -> Array:
         result, begin = parts[0][0](time), 0.0
@@ -210,7 +210,7 @@ def _joined(parts: list[tuple[Way, float]]) -> Way:
 
 
 def sweeps(kind: Kind) -> list[tuple[Way, float]]:
-    """Each joint in turn, slowly there and back, the others standing."""
+    """Each joint in turn, slowly there and back, while the others stand still."""
     motions = []
     for aside in kind.sweep:
         low, high = kind.home - aside, kind.home + aside
@@ -220,12 +220,12 @@ def sweeps(kind: Kind) -> list[tuple[Way, float]]:
 
 
 def circles(kind: Kind) -> list[tuple[Way, float]]:
-    """A circle at three speeds, both ways round."""
+    """A circle at three speeds in both directions."""
     return [_round(kind, *kind.circle, speed, way) for speed in _SPEEDS for way in (1, -1)]
 
 
 def _round(kind: Kind, radius: float, level: float, speed: float, way: int) -> tuple[Way, float]:
-    """Round twice, or once where it takes long, after and before a second of speeding up."""
+    """Two rounds, or one at low speed, between a second each of acceleration and deceleration."""
     turns = 1 if speed < 0.1 else 2
     steady = 2 * np.pi * turns * radius / speed
     duration = steady + 1.0
@@ -240,6 +240,6 @@ def _round(kind: Kind, radius: float, level: float, speed: float, way: int) -> t
 
 
 def _gained(time: Array) -> Array:
-    """Integral of the smooth rise to speed 1 within a second, [s]."""
+    """Integral of the smooth rise to speed 1 within one second, [s]."""
     u = np.clip(time, 0.0, 1.0)
     return u**4 * (2.5 - 3 * u + u**2) + np.clip(time - 1.0, 0.0, None)

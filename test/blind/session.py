@@ -1,4 +1,4 @@
-"""A session with something hidden in it, and the truth to judge what is found."""
+"""A session with something hidden in it, and the truth for judging what is found."""
 
 from __future__ import annotations
 
@@ -29,23 +29,23 @@ Array = NDArray[np.float64]
 _START_NS = 1_750_000_000_000_000_000
 _ROOM = 20.0  # [deg C]
 _SENSOR = 0.02  # [K]
-_SENSED = 30.0  # [s] between two temperatures
+_SENSED = 30.0  # [s] between two temperature readings
 _STIRRED = 1e-9  # [m]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """What the machine does at places and in conditions that the session did not see.
+    """Behaviour of the machine at places and in conditions that the session did not contain.
 
-    `point` is where the tracker would see the reflector without any noise, `plain` the same for
-    the machine without its hidden causes; stops (one row each) and measured motions.
+    `point` is the noise-free position that the tracker would measure, `plain` the same for the
+    machine without its hidden causes; for stops (one row each) and measured motions.
     """
 
-    session: Session  # the same as streams; readings that repeat exactly would look frozen
+    session: Session  # the same as streams; with noise, since exact repeats would count as frozen
     time: Array  # (n,) [s]
     command: Array  # (n, m) [rad]
     velocity: Array  # (n, m) [rad/s]
-    side: Array  # (n,) -1 or 1 from where approached, 0 in motion
+    side: Array  # (n,) -1 or 1 side of approach, 0 in motion
     payload: Array  # (n,) [kg]
     point: Array  # (n, 3) [m]
     plain: Array  # (n, 3) [m]
@@ -53,7 +53,7 @@ class Truth:
 
 @dataclass(frozen=True)
 class Hidden:
-    """What the judge knows, by the names of the causes."""
+    """Information for the judge, by the names of the causes."""
 
     causes: tuple[str, ...]
     location: dict[str, str | None]
@@ -63,7 +63,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class Trial:
-    """A session, what is hidden in it, and how much it does there."""
+    """A session, the causes hidden in it, and the size of their signal."""
 
     session: Session
     causes: tuple[Cause, ...]
@@ -75,17 +75,17 @@ class Trial:
 
     @property
     def signal(self) -> float:
-        """RMS by which the causes move the points, at stops or in motion: the larger [um]."""
+        """RMS displacement of the points by the causes, at stops or in motion, the larger [um]."""
         return max(self.signals.still, self.signals.moving)
 
     @cached_property
     def left(self) -> Left:
-        """What a calibration leaves of that, worked out when asked for."""
+        """What a calibration leaves of the signal; computed when first used."""
         return left(self.cell, self.measured)
 
     @cached_property
     def strengths(self) -> dict[str, float]:
-        """lambda of each cause by itself, as `Left.strength`."""
+        """Lambda of each cause alone, as `Left.strength`."""
         if len(self.causes) == 1:
             return {self.causes[0].name: self.left.strength}
         items = self.measured.world.items
@@ -96,14 +96,14 @@ class Trial:
 
     @cached_property
     def truth(self) -> Truth:
-        """The machine at places held out, worked out when asked for."""
+        """The machine at held-out places; computed when first used."""
         carried = sorted({item.payload for item in self.measured.world.items})
         rng = np.random.default_rng([self._seed, 4])
         return _truth(self.cell, carried, self._sensors, rng)
 
     @property
     def hidden(self) -> Hidden:
-        """The same by the names of the causes."""
+        """The hidden causes by name."""
         return Hidden(
             tuple(cause.name for cause in self.causes),
             {cause.name: cause.location for cause in self.causes},
@@ -121,20 +121,20 @@ def hide(
     robot: str = "srbd",
     again: int = 0,
 ) -> Trial:
-    """A session of a machine with these causes in it; the same for the same arguments.
+    """Make a session of a machine with these causes; the same for the same arguments.
 
     Machine, plan and noise depend on the seed and not on the causes.
 
     Args:
-        causes: as `causes.draw` reads them, each with its strength (1 where only named) in units
+        causes: in the syntax of `causes.draw`, each with its strength (1 if only named) in units
             of a real machine's typical size.
         seed: of the machine, the plan, the causes and the noise.
         plan: one of `plans.PLANS`.
         scatter: size of the manufacturing errors in units of the tolerances.
-        sensors: parts whose temperature is recorded (of a Delta arm, base, forearm); those that
-            such a machine usually has where not given.
+        sensors: parts whose temperature is recorded (of a Delta arm, base, forearm); by default
+            those that such a machine usually has.
         robot: one of `kinds.KINDS`.
-        again: how often the same machine was measured before, each time with other noise.
+        again: number of earlier measurements of the same machine, each with other noise.
     """
     asked = causes if isinstance(causes, Mapping) else dict.fromkeys(causes, 1.0)
     of_cell, of_plan, of_causes = (np.random.default_rng([seed, k]) for k in range(3))

@@ -1,4 +1,4 @@
-"""Causes of any machine: wrong dimensions, and structure that is in nobody's catalogue."""
+"""Causes of any machine: wrong dimensions, and structure that is in no catalogue."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from blind.kind import Kind, at
 from blind.world import State, World
 
 Array = NDArray[np.float64]
-Where = tuple[str, tuple[int, ...]]  # part of a build, and which number of it
+Where = tuple[str, tuple[int, ...]]  # part of a build, and index in it
 
 _TURN = 1e-4  # [rad of a Delta]
 _GIVE = 1 / 2.5e4  # [rad/(N m)] of a drive
@@ -37,7 +37,7 @@ def dimension(name: str, limb: str, typical: float, choices: Mapping[int, list[W
 
 
 def in_no_catalogue(kind: Kind) -> dict[str, Draw]:
-    """Structure by place, by load or by what another joint does, as large as on the Delta."""
+    """Structure by place, by load or by another joint's motion, as large as on the Delta."""
     stops = kind.assemble(
         kind.command(kind.places(np.random.default_rng(0), 200)), kind.drawing()
     ).place
@@ -46,7 +46,7 @@ def in_no_catalogue(kind: Kind) -> dict[str, Draw]:
     span = joints.std(axis=0)
 
     def bump(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-        """Something is in the way at a few places of the workspace, and pushes aside."""
+        """Obstacles at a few places of the workspace push the platform aside."""
         where = middle + reach * rng.standard_normal((4, 3))
         width, push = rng.uniform(0.5, 0.9, 4), strength * 80e-6 * rng.standard_normal((4, 3))
 
@@ -58,7 +58,7 @@ def in_no_catalogue(kind: Kind) -> dict[str, Draw]:
         return Cause("unknown", act, {"kind": "bump"})
 
     def grip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-        """The platform bends where the payload is held, here this way and there that."""
+        """The platform bends where the payload is held, in a direction depending on the place."""
         waves, phase = rng.uniform(1.2, 2.0, (3, 3)) / reach, rng.uniform(0, 2 * np.pi, 3)
         size = strength * 60e-6  # [m] with the payload
 
@@ -81,7 +81,7 @@ def in_no_catalogue(kind: Kind) -> dict[str, Draw]:
         return Cause("unknown", act, {"kind": "ripple"})
 
     def cross_talk(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-        """A joint's error goes with its neighbour's angle."""
+        """The error of a joint depends on its neighbour's angle."""
         m = len(kind.joints)
         size = strength * 0.12e-3 * kind.size * rng.uniform(0.6, 1.4, m)
         phase, cycles = rng.uniform(0, 2 * np.pi, m), rng.uniform(1.5, 3.0, m)

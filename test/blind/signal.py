@@ -1,4 +1,4 @@
-"""How much a cause shows: raw, after a frame, and after what a calibration would fit anyway."""
+"""Size of a cause's signal: raw, after fitting a frame, and after a calibration."""
 
 from __future__ import annotations
 
@@ -14,37 +14,37 @@ from blind.world import World
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-5  # [m], [rad] of the differences
-_FREE = 1.0  # [m], [rad] how far off the frame may be: no matter
-_THIN = 4  # of the readings in motion every fourth is looked at, and stands for all four
+_STEP = 1e-5  # [m], [rad] step of finite differences
+_FREE = 1.0  # [m], [rad] prior of the frame: practically free
+_THIN = 4  # every fourth reading in motion is used, and represents all four
 _ALONG, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m] of a tracker's reading
 _READ = 20  # readings of a stop
-_RESTING = 0.02  # of the fastest in its motion: at rest for a moment
+_RESTING = 0.02  # of the fastest speed in its motion: momentarily at rest
 
 
 @dataclass(frozen=True)
 class Signal:
-    """RMS of the 3-D distance by which the causes move the measured points [um]."""
+    """RMS of the 3-D displacement of the measured points by the causes [um]."""
 
     still: float  # at stops
-    moving: float  # in motion; 0 where nothing is measured in motion
+    moving: float  # in motion; 0 if nothing is measured in motion
     fitted: float  # at stops, after the best rigid frame
 
 
 @dataclass(frozen=True)
 class Left:
-    """What a calibration leaves of the causes.
+    """Signal of the causes that remains after a calibration.
 
-    Its geometry is held near the drawing by what the machine's own scatter is.
+    The prior of the geometry is the machine's own manufacturing scatter.
     """
 
     still: float  # [um] RMS at stops
     moving: float  # [um] RMS in measured motions
-    strength: float  # lambda: squared, in standard deviations of the noise, summed over all seen
+    strength: float  # lambda: squared, in standard deviations of the noise, summed
 
 
 def signal(measured: Measured) -> Signal:
-    """Before anything but a frame is fitted."""
+    """Signal before a calibration."""
     world, moved = measured.world, measured.reading - measured.plain
     still = world.still & world.seen
     after = after_frame(measured.reading[still], measured.plain[still])
@@ -52,12 +52,12 @@ def signal(measured: Measured) -> Signal:
 
 
 def left(cell: Cell, measured: Measured) -> Left:
-    """After frame, reflector offset and geometry, by least squares with the scatter as rows."""
+    """Signal after fitting frame, reflector offset and geometry by least squares with priors."""
     return lefts(cell, [measured])[0]
 
 
 def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
-    """The same of several causes of a machine, measured one by one by the same plan."""
+    """The same for several causes of a machine, each measured alone by the same plan."""
     world = every[0].world
     rows, still = _looked_at(every[0])
     sigma = _sigmas(cell, every[0], rows, still)
@@ -71,7 +71,7 @@ def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
     effect = _divided(moved, sigma).reshape(3 * len(rows), -1)
     slopes = np.vstack([slopes, np.eye(slopes.shape[1])])
     effect = np.vstack([effect, np.zeros((slopes.shape[1], len(every)))])
-    # by QR: the scatter's rows leave no direction open, and it is ten times as quick as by SVD
+    # QR: the priors leave no direction free, and it is ten times as fast as SVD.
     remains = effect - slopes @ lstsq(slopes, effect, lapack_driver="gelsy")[0]
     metres = _multiplied(remains[: 3 * len(rows)].reshape(len(rows), 3, -1), sigma)
     return [
@@ -81,7 +81,7 @@ def lefts(cell: Cell, every: Sequence[Measured]) -> list[Left]:
 
 
 def after_frame(reading: Array, plain: Array) -> Array:
-    """What a rigid motion leaves of the difference, (n, 3) [m]."""
+    """Residuals of the difference after a rigid motion, (n, 3) [m]."""
     a, b = reading - reading.mean(axis=0), plain - plain.mean(axis=0)
     u, _, v = np.linalg.svd(b.T @ a)
     turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
@@ -95,12 +95,12 @@ def _rms(difference: Array) -> float:
 
 
 def _in_motion(world: World) -> NDArray[np.bool_]:
-    """Readings of the measured motions; moves between stops are too quick to be of use."""
+    """Readings of the measured motions; moves between stops are too fast to be used."""
     return ~world.still & world.seen & (world.side == 0)
 
 
 def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """The last row of each stop and every fourth in motion, and which are stops."""
+    """The last row of each stop and every fourth in motion, and which of them are stops."""
     world = measured.world
     last = world.still & (np.diff(world.item, append=-1) != 0)
     motion = np.flatnonzero(_in_motion(world))[::_THIN]
@@ -109,9 +109,10 @@ def _looked_at(measured: Measured) -> tuple[NDArray[np.int64], NDArray[np.bool_]
 
 
 def _motions(cell: Cell, world: World) -> Array:
-    """Number of the motion, (n,): between two moments of rest, each with a rest error of its own.
+    """Number of the motion, (n,): between two moments of rest, each with its own rest error.
 
-    The Delta's were counted item by item, a sweep there and back as one; its lambda stays.
+    For the Delta motions are counted by item, a sweep there and back as one, as its lambda values
+    always were.
     """
     if cell.kind.noise is not None:
         return world.item
@@ -122,7 +123,7 @@ def _motions(cell: Cell, world: World) -> Array:
 
 
 def _sigmas(cell: Cell, measured: Measured, rows: Array, still: Array) -> Array:
-    """Standard deviation of each row an axis, (n,) [m]; or its Cholesky factor, (n, 3, 3) [m]."""
+    """Standard deviation of each row per axis, (n,) [m]; or its Cholesky factor, (n, 3, 3) [m]."""
     if cell.kind.noise is not None:
         at_rest, in_motion = cell.kind.noise
         return np.where(still, at_rest, in_motion / np.sqrt(_THIN))
@@ -146,12 +147,12 @@ def _divided(values: Array, sigma: Array) -> Array:
 
 
 def _multiplied(values: Array, sigma: Array) -> Array:
-    """Back to metres."""
+    """Convert values in standard deviations back to metres."""
     return values * sigma[:, None, None] if sigma.ndim == 1 else sigma @ values
 
 
 def _rest_errors(cell: Cell, command: Array, motion: NDArray[np.int64]) -> list[Array]:
-    """How the reading moves with each motion's own error of each joint, (n, 3) each."""
+    """Change of the reading by each motion's rest error of each joint, (n, 3) each."""
     slopes = list(_slopes(cell, command, "zero"))
     return [
         np.where((motion == number)[:, None], cell.kind.rest * slope, 0.0)
@@ -161,7 +162,7 @@ def _rest_errors(cell: Cell, command: Array, motion: NDArray[np.int64]) -> list[
 
 
 def _columns(cell: Cell, command: Array) -> Iterator[Array]:
-    """How the reading moves with all that is fitted, in units of what is expected, (n, 3) each."""
+    """Derivatives of the reading by all fitted parameters, per expected size, (n, 3) each."""
     build, tracker, turn = cell.plain, cell.tracker, cell.tracker.turn.as_matrix().T
     stand = cell.kind.assemble(command, build)
     here = stand.point(tracker.reflector)

@@ -1,4 +1,4 @@
-"""What hides in machines with sliders, beside what hides in any drive."""
+"""Causes hidden in machines with sliders, in addition to those of any drive."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _PITCH = 60e-6
 
 
 def slider_pitch(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A thread cut a little too long or too short."""
+    """Screws with a pitch that is a little too long or too short."""
     pitch = strength * _PITCH * either(rng, legs)
 
     def act(world: World, state: State) -> None:
@@ -41,7 +41,7 @@ def thermal_growth_arm(rng: np.random.Generator, strength: float, legs: Array) -
 
 
 def slider_causes(kind: Sliders) -> tuple[dict[str, Draw], dict[str, Draw]]:
-    """What such a machine can hide: causes by name, and kinds of what no catalogue has."""
+    """Causes that can be hidden in such a machine by name, and kinds that are in no catalogue."""
     geared = ("backlash", "stick_slip", "joint_lag", "transmission_error", "joint_zero_drift")
     m, typical = len(kind.joints), 1e-3 if kind is LINEAR_DELTA else 0.1e-3
     each = range(m)

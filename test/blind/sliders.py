@@ -21,12 +21,12 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True)
 class SliderStand:
-    """Where the platform is and how it is turned; joints of the sliders."""
+    """Pose of the platform; joints of the sliders."""
 
     place: Array  # (n, 3) [m]
     turn: Array  # (n, 3, 3)
     sliders: Array  # (n, m, 3) [m]
-    unknown: Array  # (n, k) where the loops closed
+    unknown: Array  # (n, k) solution of the closure
 
     def point(self, local: Array) -> Array:
         return self.place + self.turn @ local
@@ -42,15 +42,15 @@ class Build:
     """Struts of a machine, one row each [m]."""
 
     foot: Array  # (m, 3) joint of the slider at q = 0
-    joint: Array  # (m, 3) of the platform, in the platform
+    joint: Array  # (m, 3) of the platform, in its frame
     strut: Array  # (m,)
     zero: Array  # (m,)
 
 
 class Sliders(Kind):
-    """What both machines share."""
+    """Common parts of both machines."""
 
-    way: float  # +1 where a slider goes up with its joint, -1 down
+    way: float  # +1 if a slider goes up with its joint, -1 if down
     kilograms: tuple[float, float] = (0.5, 0.3)  # platform, slider
     heavy = 0.5
     size = 0.3
@@ -63,7 +63,7 @@ class Sliders(Kind):
         self.rest = 1e-6 * file["joints"]["repeatability_um"]
         self.encoder = 1e-6 * file["joints"]["encoder_um"]
         turns = 2 * np.pi * file["joints"]["gear_ratio_turns_per_m"]
-        self.gears = (turns, turns)  # the screw itself, once or twice a turn
+        self.gears = (turns, turns)  # of the screw itself, once or twice a turn
         self.beside = np.full(len(self.joints), 0.015)
         self._draw(file["geometry"], file["tolerances"])
 
@@ -85,9 +85,10 @@ class Sliders(Kind):
 
 
 class LinearDelta(Sliders):
-    """Three carriages, three pairs of equal rods: the platform does not turn.
+    """Three carriages and three pairs of equal rods: the platform does not rotate.
 
-    Its joints lie in the platform's centre, as its radius is taken off the columns'.
+    Its joints lie in the platform's centre, because its radius is subtracted from that of the
+    columns.
     """
 
     robot = "linear_delta"
@@ -137,7 +138,7 @@ class LinearDelta(Sliders):
         return SliderStand(place, upright, sliders, place)
 
     def at(self, points: Array) -> Array:
-        """Carriages over the points; Pythagoras."""
+        """Carriage positions for points, by Pythagoras."""
         flat = points[:, None, :2] - self.feet[:, :2]
         over = np.sqrt(self.arm**2 - np.sum(flat**2, axis=2))
         return self.feet[:, 2] - points[:, 2:] - over
@@ -155,7 +156,7 @@ class LinearDelta(Sliders):
 
 
 class FiveAxis(Sliders):
-    """Four sliders; a platform that stays in the plane x = 0, turns about x and then about y."""
+    """Four sliders; the platform stays in the plane x = 0 and rotates about x and then about y."""
 
     robot = "five_axis"
     way = 1.0
@@ -186,7 +187,7 @@ class FiveAxis(Sliders):
 
     @staticmethod
     def _turns(x: Array) -> tuple[Array, Array]:
-        """Of the part that turns about x only, and of the platform on it, (n, 3, 3) each."""
+        """Rotations of the part that only turns about x, and of the platform, (n, 3, 3) each."""
         (a, b), (c, d) = np.cos(x[:, 2:].T), np.sin(x[:, 2:].T)
         no, one = np.zeros_like(a), np.ones_like(a)
         about_x = np.stack([one, no, no, no, a, -c, no, c, a], axis=1).reshape(-1, 3, 3)
@@ -219,7 +220,7 @@ class FiveAxis(Sliders):
         return SliderStand(place, self._turns(x)[1], sliders, x)
 
     def _over(self, x: Array) -> Array:
-        """Sliders of the drawing for poses y, z, A, B: the first pair over the platform."""
+        """Nominal slider positions for poses y, z, A, B: the first pair above the platform."""
         apart = self._ends(x, self.drawing()) - self.feet
         across2 = np.sum(apart[..., :2] ** 2, axis=2)
         return apart[..., 2] + np.array([1.0, 1.0, -1.0, -1.0]) * np.sqrt(self.struts**2 - across2)
@@ -234,7 +235,7 @@ class FiveAxis(Sliders):
         return self._over(np.append(points[:, 1:], level, axis=1))
 
     def ring(self, angle: Array, radius: float, level: float) -> Array:
-        """In the plane that the platform's centre stays in."""
+        """Circle in the plane of the platform's centre."""
         y, z = radius * np.cos(angle), self.middle[1] + level + radius * np.sin(angle)
         return np.stack([np.zeros_like(angle), y, z], axis=1)
 

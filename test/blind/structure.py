@@ -1,4 +1,4 @@
-"""What hides in the structure: heat, springy rods, clearance in the ball joints."""
+"""Causes hidden in the structure: heat, elastic rods, clearance in the ball joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _CLEARANCE = 15e-6  # [m] to either side
 
 
 def thermal_growth_arm(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Arms lengthen as they warm; the sensor on one of them is a little behind."""
+    """Arms lengthen as they warm; the sensor on one of them lags a little."""
     expansion = strength * _EXPANSION * legs
 
     def act(world: World, state: State) -> None:
@@ -39,7 +39,7 @@ def thermal_growth_base(rng: np.random.Generator, strength: float, legs: Array) 
 
 
 def thermal_growth_forearm(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Rods lengthen as they warm; no sensor is on them unless one is asked for."""
+    """Rods lengthen as they warm; they have no sensor unless one is requested."""
     expansion = strength * _EXPANSION * legs
 
     def act(world: World, state: State) -> None:
@@ -51,7 +51,7 @@ def thermal_growth_forearm(rng: np.random.Generator, strength: float, legs: Arra
 
 
 def forearm_compliance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Each rod a spring under its tension."""
+    """Each rod is a spring under its tension."""
     give = strength * _STRETCH * legs[:, None] * rng.uniform(0.9, 1.1, (3, 2))
 
     def act(world: World, state: State) -> None:
@@ -61,11 +61,11 @@ def forearm_compliance(rng: np.random.Generator, strength: float, legs: Array) -
 
 
 def ball_joint_clearance(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A pulled rod sits at one end of its clearance, a pushed one at the other."""
+    """A rod in tension sits at one end of its clearance, a rod in compression at the other."""
     size, soft = strength * _CLEARANCE * legs[:, None], float(rng.choice([1e-6, 0.2, 0.6]))
 
     def act(world: World, state: State) -> None:
-        pulled = np.tanh(world.pulls(state.changed) / soft)  # [N] over which it changes ends
+        pulled = np.tanh(world.pulls(state.changed) / soft)  # soft: [N] over which it changes ends
         state.changed = state.changed.and_rod(size * pulled)
 
     return Cause(

@@ -1,4 +1,4 @@
-"""A tracker three metres off with a reflector on the platform, and what it gets wrong."""
+"""A tracker three metres away, a reflector on the platform, and the errors of the measurement."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from blind.world import State, World
 Array = NDArray[np.float64]
 
 _RADIAL, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m]
-_GROSS, _CLIPPED = 0.0008, 1.5e-3  # share of the readings that are, and their size an axis [m]
+_GROSS, _CLIPPED = 0.0008, 1.5e-3  # share of gross errors, and their size per axis [m]
 
 
 @dataclass(frozen=True)
 class Tracker:
-    """Its place against the base, and the reflector's on the platform."""
+    """Position of the tracker relative to the base, and of the reflector on the platform."""
 
     turn: Rotation  # base to tracker
     place: Array  # (3,) [m] of the base in the tracker's frame
@@ -29,7 +29,7 @@ class Tracker:
 
     @classmethod
     def drawn(cls, rng: np.random.Generator, kind: Kind = DELTA) -> Tracker:
-        """Somewhere around the cell, level to a degree or so; a reflector off the centre."""
+        """Draw a station around the cell, level to about a degree, and a reflector off-centre."""
         bearing, far = rng.uniform(0, 2 * np.pi), rng.uniform(*kind.far)
         turn = Rotation.from_euler("zyx", [rng.uniform(0, 2 * np.pi), *rng.normal(0, 0.02, 2)])
         where = np.array([far * np.cos(bearing), far * np.sin(bearing), rng.uniform(-0.3, 0.5)])
@@ -47,7 +47,7 @@ class Tracker:
         return reading
 
     def noise(self, reading: Array, rng: np.random.Generator) -> Array:
-        """Little along the beam, across it more with the distance; now and then gross."""
+        """Noise: small along the beam, growing with distance across it; a few gross errors."""
         distance = np.linalg.norm(reading, axis=1, keepdims=True)
         beam = reading / distance
         raw = rng.standard_normal(reading.shape)
@@ -58,7 +58,7 @@ class Tracker:
 
 
 def _older(world: World, reading: Array, late: float) -> Array:
-    """What was true `late` before each stamp, motion by motion."""
+    """Readings from a time `late` before each stamp, motion by motion."""
     result = reading.copy()
     for number in range(len(world.items)):
         rows = np.flatnonzero(world.item == number)

@@ -1,6 +1,6 @@
-"""What is true of the causes that a catalogue has: their laws, for when they are taken out of it.
+"""True laws of the causes in the catalogue, for trials in which they are removed from it.
 
-Beside those that no catalogue has, which say theirs themselves.
+Causes that are in no catalogue state their own laws.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float | str]
 One = Callable[[Mapping[str, Array], int], Array]
 
-_INERTIA = 0.28  # [kg m^2] of a joint without payload, about
+_INERTIA = 0.28  # [kg m^2] approximate moment of inertia of a joint without payload
 _DELAY = "what all joints trail alike, the whole reading is late by"
 
 
 def _of_legs(values: Values, name: str) -> dict[int, float]:
-    """A value of each leg that has it, by the leg's number."""
+    """Values of the legs that have one, by the number of the leg."""
     named = ((leg, values.get(f"{name}_{leg}")) for leg in (1, 2, 3))
     return {leg: float(value) for leg, value in named if value is not None}
 
@@ -56,9 +56,9 @@ def backlash(values: Values, cell: Cell) -> Truth:
 
 
 def stick_slip(values: Values, cell: Cell) -> Truth:
-    """Friction's level at speed is a play; how it falls with speed is Stribeck's curve."""
+    """Friction's level at speed is backlash; its decrease with speed is the Stribeck curve."""
     size, play = _of_legs(values, "friction"), _of_legs(values, "play")
-    slow = 0.05  # [rad/s] over which it falls, of the generator's friction
+    slow = 0.05  # [rad/s] over which the generator's friction decreases
 
     def one(seen: Mapping[str, Array], j: int) -> Array:
         level = play[j] / (2 * size[j])
@@ -130,7 +130,7 @@ def joint_compliance(values: Values, cell: Cell) -> Truth:
 
 
 def dynamic_deflection(values: Values, cell: Cell) -> Truth:
-    """By the moment of inertia alone, which is a torque; nearly by the joint's acceleration."""
+    """By the inertia torque alone; approximately by the joint's own acceleration."""
     give, whole = _of_legs(values, "give"), joint_compliance(values, cell)
     quick = _drives(
         give, lambda s, j: -give[j] * _INERTIA * s[f"acceleration_{j}"], "acceleration_j", "line"
@@ -140,7 +140,7 @@ def dynamic_deflection(values: Values, cell: Cell) -> Truth:
 
 
 def _grows(left: str, part: str, sensor: str, length: float) -> Callable[[Values, Cell], Truth]:
-    """By its own thermometer, or by the clock."""
+    """By its own temperature sensor, or by time."""
 
     def truth(values: Values, cell: Cell) -> Truth:
         size, celsius = float(values["expansion"]) * length, f"temperature_{sensor}"
@@ -173,7 +173,7 @@ def ball_joint_clearance(values: Values, cell: Cell) -> Truth:
 
 
 def tracker_drift(values: Values, cell: Cell) -> Truth:
-    """A shift by one course, whichever way, nearly: it turns about its own stand, far off."""
+    """Approximately a shift with one time course: the rotation is about a distant stand."""
     slow = float(values["constant"])
     settles = np.isfinite(slow)
 
@@ -209,11 +209,11 @@ TRUTHS: dict[str, Callable[[Values, Cell], Truth]] = {
 
 
 def truth_of(trial: Trial) -> Truth | None:
-    """What is true of a trial that hides one cause; None of a clean one.
+    """Truth of a trial with one hidden cause; None for a clean one.
 
     Raises:
         ValueError: it hides several.
-        KeyError: its cause is one of geometry, which the study does not take out.
+        KeyError: its cause is geometric; the study does not remove these.
     """
     if not trial.causes:
         return None

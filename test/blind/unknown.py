@@ -1,6 +1,6 @@
-"""What is in nobody's catalogue: structure that a diagnosis must see, and must not name.
+"""Structure in no catalogue, which a diagnosis must detect and must not name.
 
-About 40 to 80 micrometres each, by place, by load or by what another joint does.
+About 40 to 80 micrometres each, by place, by load or by another joint's motion.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def _shifted(variables: str, form: str | None, law: Law) -> Truth:
 
 
 def bump(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Something is in the way at a few places of the workspace, and pushes aside."""
+    """Obstacles at a few places of the workspace push the platform aside."""
     count = 4
     bearing, reach = rng.uniform(0, 2 * np.pi, count), rng.uniform(0.05, 0.35, count)
     height, width = rng.uniform(-0.84, -0.64, count), rng.uniform(0.08, 0.16, count)
@@ -78,7 +78,7 @@ def ripple(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def _of_angles(moved: Callable[[Array], Array]) -> Law:
-    """A law that moves all joints by what all of them are at."""
+    """A law that moves each joint by a function of all joint angles."""
 
     def law(seen: Mapping[str, Array]) -> dict[str, Array]:
         columns = moved(np.stack([seen[f"q_{joint}"] for joint in (1, 2, 3)], axis=1)).T
@@ -88,7 +88,7 @@ def _of_angles(moved: Callable[[Array], Array]) -> Law:
 
 
 def drag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A hose hangs from a bracket beside the base; where it is taut it pulls on springy drives."""
+    """A hose hangs from a bracket beside the base; when taut it pulls on compliant drives."""
     bearing, slack = rng.uniform(0, 2 * np.pi), 0.6  # [rad], [m]
     bracket = np.array([0.5 * np.cos(bearing), 0.5 * np.sin(bearing), -0.3])
     stiffness = strength * 80.0  # [N/m]
@@ -110,7 +110,7 @@ def drag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def cross_talk(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A joint's error goes with its neighbour's angle."""
+    """The error of a joint depends on its neighbour's angle."""
     size, phase = strength * 0.12e-3 * rng.uniform(0.6, 1.4, 3), rng.uniform(0, 2 * np.pi, 3)
     cycles, way = rng.uniform(4, 8, 3), int(rng.choice([1, 2]))
 
@@ -127,7 +127,7 @@ def cross_talk(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def grip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The platform bends where the payload is held, here this way and there that."""
+    """The platform bends where the payload is held, in a direction depending on the place."""
     waves, phase = rng.uniform(6, 10, (3, 3)), rng.uniform(0, 2 * np.pi, 3)
     size = strength * 60e-6  # [m] with 2 kg
 
@@ -143,7 +143,7 @@ def grip(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def rub(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """An arm rubs on its cover beyond an angle, and stays back the more the farther."""
+    """Beyond an angle an arm rubs on its cover, and lags in proportion to the excess."""
     begins, size = rng.uniform(0.05, 0.3, 3), strength * 0.8e-3 * rng.uniform(0.6, 1.4, 3)
 
     def act(world: World, state: State) -> None:
@@ -158,7 +158,7 @@ def rub(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def rocking(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The frame stands on three feet of four and tips as the platform goes across."""
+    """The frame stands on three of its four feet and tips as the platform moves across."""
     bearing, soft = rng.uniform(0, 2 * np.pi), 0.05  # [rad], [m]
     across = np.array([np.cos(bearing), np.sin(bearing), 0.0])
     axis, size = np.cross(across, [0.0, 0.0, 1.0]), strength * 70e-6  # [rad]

@@ -1,7 +1,8 @@
-"""More of what is in nobody's catalogue, each with its equation: structure, base, measurement.
+"""More structure in no catalogue, each with its equation: structure, base, measurement.
 
-Those of the drives are in `unnamed_drives`. Chosen from what real machines do and what their
-metrology writes of, not from what any search can say. Sizes at strength 1 are 15 to 100 um.
+Those of the drives are in `unnamed_drives`. They are chosen from effects of real machines and from
+their metrology, without regard to what the search can express. Sizes at strength 1 are 15 to 100
+um.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ def _hidden(kind: str, law: Law, truth: Truth, values: Mapping[str, float]) -> C
 
 
 def _shifted(kind: str, law: Law, variables: str, form: str, values: Mapping[str, float]) -> Cause:
-    """What moves the platform: as fair of the base, or of the reading."""
+    """A displacement of the platform, which the base or the reading may explain as well."""
     stages, parts = f"{STRUCTURE} {MEASUREMENT}", f"{PLATFORM} {BASE} {TRACKER}"
     return _hidden(kind, law, true(stages, parts, variables, form, law, _ONE_READING), values)
 
@@ -57,7 +58,7 @@ def _any_way(rng: np.random.Generator) -> Array:
 
 
 def loose_bearing(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A worn main bearing: its axis sits at one side or the other by which way the arm went."""
+    """A worn main bearing: its axis moves sideways with the arm's direction of motion."""
     legs = one_of(rng, legs)
     size, leg = strength * 50e-6 * either(rng, legs), numbers(legs)[0]
 
@@ -71,9 +72,9 @@ def loose_bearing(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def loose_bond(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Bonded ends of carbon rods that have let go: pulled they stretch, pushed they hold.
+    """Failed bonds at the ends of carbon rods, which yield in tension only.
 
-    The controller takes off one stiffness for both ways, as it was measured on the whole.
+    The controller compensates one stiffness for both directions, as measured for the whole.
     """
     size = strength * 3e-6  # [m/N]
     law = of_rods(lambda pull: size * (np.maximum(pull, 0.0) - pull / 2))
@@ -82,7 +83,7 @@ def loose_bond(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def sun_on_one_arm(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The sun comes round and warms one arm, which no sensor of the others feels."""
+    """The sun warms one arm, which the sensor on the others does not detect."""
     legs = one_of(rng, legs)
     size, slow = strength * 0.15e-3 * uneven(rng, legs), rng.uniform(500.0, 1200.0)  # [m], [s]
     leg = numbers(legs)[0]
@@ -96,16 +97,16 @@ def sun_on_one_arm(rng: np.random.Generator, strength: float, legs: Array) -> Ca
 
 
 def hose_weight(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Above a height the platform carries the hose's weight, and is pushed down and aside."""
+    """Above some height the platform carries the hose's weight, and is pushed down and aside."""
     size, begins = strength * 0.8e-3 * _any_way(rng), rng.uniform(-0.76, -0.70)  # [m/m], [m]
     law = of_shift(lambda seen: np.maximum(seen["z"] - begins, 0.0)[:, None] * size)
     return _shifted("hose_weight", law, "z", "dead zone", {"begins": begins})
 
 
 def air_conditioning(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The hall's air swings by a degree, and the tracker's stand sways with it.
+    """The hall's air temperature varies periodically by a degree and moves the tracker's stand.
 
-    Swings of workshop air: ISO/TR 16015.
+    Variations of workshop air: ISO/TR 16015.
     """
     size, period = strength * 25e-6 * _any_way(rng), rng.uniform(600.0, 1500.0)  # [m], [s]
     phase = rng.uniform(0, 2 * np.pi)

@@ -1,7 +1,7 @@
-"""What is in nobody's catalogue and hides in the drives, each with its equation.
+"""Structure in no catalogue that is hidden in the drives, each with its equation.
 
-A kind's law is written once: it moves the machine, and it is what a judge compares with. Sizes at
-strength 1 are 30 to 100 micrometres at the platform. Each kind says where it is known from.
+The law of a kind is written once: it moves the machine, and it is the reference of the judge.
+Sizes at strength 1 are 30 to 100 micrometres at the platform. Each kind gives its source.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ One = Callable[[Mapping[str, Array], int], Array]  # inputs, joint from 1 -> (n,
 def hidden_in_drives(
     kind: str, legs: Array, one: One, variables: str, form: str, values: Mapping[str, float]
 ) -> Cause:
-    """A law of each joint that has it, the same but for its size."""
+    """A law of each joint that has it, the same except for its size."""
     joints = numbers(legs)
     part = JOINTS if len(joints) > 1 else f"joint_{joints[0]}"
     law = of_each("q", joints, one)
@@ -38,12 +38,12 @@ def hidden_in_drives(
 
 
 def one_of(rng: np.random.Generator, legs: Array) -> Array:
-    """One of the legs, drawn, (3,) of 0 and 1."""
+    """One of the legs at random, (3,) of 0 and 1."""
     return np.eye(3)[rng.choice(np.flatnonzero(legs))]
 
 
 def stiffening(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A strain wave gear's spring stiffens; the controller takes off one stiffness for all loads.
+    """A strain wave gear stiffens with load; the controller compensates a single stiffness.
 
     Cubic springs: Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996) 368.
     """
@@ -57,7 +57,7 @@ def stiffening(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def speed_forward(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Viscous drag goes with the square of speed; the feed-forward was tuned at one speed."""
+    """Drag is proportional to the square of speed; the feed-forward was tuned at one speed."""
     size, tuned = strength * 1e-3 * uneven(rng, legs), rng.uniform(0.6, 0.8)  # [s^2], [rad/s]
 
     def one(seen: Mapping[str, Array], joint: int) -> Array:
@@ -68,7 +68,7 @@ def speed_forward(rng: np.random.Generator, strength: float, legs: Array) -> Cau
 
 
 def bus_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """The amplifiers' supply sags with the power to speed up, and rises as they brake."""
+    """The amplifiers' supply sags with the power of acceleration, and rises under braking."""
     size = strength * 2e-4 * uneven(rng, legs)  # [s^3/rad]
 
     def one(seen: Mapping[str, Array], joint: int) -> Array:
@@ -78,7 +78,7 @@ def bus_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def loaded_friction(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Friction grows with the load; what is taken off at a turn was tuned with half of it.
+    """Friction grows with the load; the compensation at a reversal was tuned at half of it.
 
     Load-dependent friction: Waiboer, Aarts and Jonker, Multibody Dynamics (2005).
     """
@@ -92,7 +92,7 @@ def loaded_friction(rng: np.random.Generator, strength: float, legs: Array) -> C
 
 
 def cold_grease(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Friction falls as the grease warms; what is taken off at a turn was tuned half warm.
+    """Friction falls as the grease warms; the compensation at a reversal was tuned half warm.
 
     Temperature and friction: Simoni et al., Robotics and CIM 36 (2015).
     """
@@ -107,7 +107,7 @@ def cold_grease(rng: np.random.Generator, strength: float, legs: Array) -> Cause
 
 
 def warm_tape(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A tape scale grows more than the drum it is on; its scale was set on a warm machine."""
+    """A tape scale expands more than the drum it is on; its scale was set on a warm machine."""
     legs = one_of(rng, legs)
     size, tuned = strength * 1.5e-5 * either(rng, legs), rng.uniform(27.0, 30.0)  # [1/K], [deg C]
 
@@ -119,7 +119,7 @@ def warm_tape(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def coupled(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A belt or cable runs past the next joint, and gives to it a share of what that turns.
+    """A belt or cable runs past the next joint, which transmits to it a share of its rotation.
 
     As between the joints of cable-driven arms and of wrists with hollow shafts.
     """
@@ -132,7 +132,7 @@ def coupled(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def dress_pack(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A hose package between two arms pulls as both of them swing out."""
+    """A hose package between two arms pulls when both swing out."""
     legs = one_of(rng, legs)
     size = strength * 6e-4 * either(rng, legs)  # [1/rad]
 
@@ -143,9 +143,9 @@ def dress_pack(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
 
 
 def quadrant_spike(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """A spike at each turn of a joint that dies away as it goes on: the circle test's best known.
+    """A spike at each reversal of a joint that decays with travel, as known from circle tests.
 
-    Quadrant glitches: ISO 230-4 and what its users write on it.
+    Quadrant glitches: ISO 230-4 and the literature of its users.
     """
     size, far = strength * 2e-4 * uneven(rng, legs), rng.uniform(0.03, 0.06)  # [rad]
 
@@ -158,7 +158,7 @@ def quadrant_spike(rng: np.random.Generator, strength: float, legs: Array) -> Ca
 
 
 def chiller(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cooling water that is switched warms and cools one drive's housing, over and over."""
+    """Switched cooling water warms and cools the housing of one drive periodically."""
     legs = one_of(rng, legs)
     size, period = strength * 8e-5 * uneven(rng, legs), rng.uniform(700.0, 1500.0)  # [rad], [s]
     phase = rng.uniform(0, 2 * np.pi)

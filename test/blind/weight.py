@@ -1,8 +1,8 @@
 """Loads of a machine, all from energies and mass points of its own kinematics.
 
-No torque or force formula: gravity's moment at a joint is how the potential energy changes when
-the joint turns, and the moment of inertia forces the work they do on what every mass point would
-move by (D'Alembert).
+There is no formula for torques or forces: the gravity torque of a joint is the derivative of the
+potential energy by its angle, and an inertia torque is the work of the inertia forces on the
+displacements of all mass points (D'Alembert).
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from blind.kind import Kind
 Array = NDArray[np.float64]
 
 GRAVITY = 9.81  # [m/s^2]
-_TURN, _MOMENT = 1e-4, 2e-3  # [rad of a Delta], [s] steps of the differences
+_TURN, _MOMENT = 1e-4, 2e-3  # [rad of a Delta], [s] steps of finite differences
 
 
 def energy(kind: Kind, stand: Any, build: Any, payload: Array, centre: Array) -> Array:
-    """Potential energy of all that moves, (n,) [J]."""
+    """Potential energy of all moving masses, (n,) [J]."""
     mass, where = kind.masses(stand, build, payload, centre)
     return GRAVITY * np.sum(mass * where[..., 2], axis=1)
 
@@ -31,7 +31,7 @@ def energy(kind: Kind, stand: Any, build: Any, payload: Array, centre: Array) ->
 def torques(
     kind: Kind, q: Array, build: Any, changed: Any, payload: Array, centre: Array, near: Any
 ) -> Array:
-    """What gravity does against each joint, dE/dq, (n, m) [N m], or [N]."""
+    """Gravity torque against each joint, dE/dq, (n, m) [N m], or [N]."""
     each, turn = [], _TURN * kind.size
     for joint in np.eye(q.shape[1]):
         up, down = (
@@ -50,7 +50,7 @@ def torques(
 
 @dataclass(frozen=True)
 class Moved:
-    """Samples in motion: what was commanded of a machine, and what it carried."""
+    """Samples in motion: commanded motion and payload."""
 
     kind: Kind
     q: Array  # (n, m) [rad]
@@ -62,13 +62,13 @@ class Moved:
     near: Any
 
     def where(self, q: Array, changed: Any = None) -> Array:
-        """Places of the masses, (n, k, 3) [m]."""
+        """Positions of the masses, (n, k, 3) [m]."""
         stand = self.kind.assemble(q, self.build, changed, self.near)
         return self.kind.masses(stand, self.build, self.payload, self.centre)[1]
 
     @cached_property
     def pushed(self) -> Array:
-        """Force that moves each mass as commanded, (n, k, 3) [N]."""
+        """Force that accelerates each mass as commanded, (n, k, 3) [N]."""
         t = _MOMENT
         ways = (t * s * self.velocity + t**2 / 2 * self.acceleration for s in (1, -1))
         later, sooner = (self.where(self.q + way) for way in ways)
@@ -77,7 +77,7 @@ class Moved:
         return mass[..., None] * (later - 2 * here + sooner) / t**2
 
     def moments(self) -> Array:
-        """Moment that each joint must give for it, (n, m) [N m], or [N]."""
+        """Joint torque for that force, (n, m) [N m], or [N]."""
         each, turn = [], _TURN * self.kind.size
         for joint in np.eye(self.q.shape[1]):
             up, down = (self.where(self.q + s * turn * joint) for s in (1, -1))
@@ -85,5 +85,5 @@ class Moved:
         return np.stack(each, axis=1)
 
     def work(self, up: Array, down: Array) -> Array:
-        """Of the forces from one place of the masses to another, (n,) [J]."""
+        """Work of the forces from one position of the masses to another, (n,) [J]."""
         return np.asarray(np.sum(self.pushed * (up - down), axis=(1, 2)))

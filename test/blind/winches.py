@@ -1,9 +1,10 @@
-"""A cable robot: eight drums let out cable, and the platform hangs where the lengths fit best.
+"""A cable robot: eight drums let out cable, and the platform takes the pose that fits best.
 
-Cables are measured from anchor to platform joint. With more cables than freedoms real lengths
-never all fit; the drives keep the tensions near a pretension, and the platform settles where the
-misfit of all is least. Tensions come from virtual work: what the cables do when the platform moves
-a little balances what its weight does, as near to the pretension as that can be.
+Cables are measured from anchor to platform joint. With more cables than degrees of freedom real
+lengths never fit all at once. The drives hold the tensions near a pretension, and the platform
+settles where the sum of squared length errors is smallest. Tensions follow from virtual work: the
+work of the cables in a small motion of the platform balances that of its weight, with tensions as
+near to the pretension as possible.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _CLOSED, _MOST = 1e-12, 30
 
 
 def _after(more: Array, gibbs: Array) -> Array:
-    """Gibbs vectors of a turn by `more` after one by `gibbs`."""
+    """Gibbs vectors of a rotation by `more` after one by `gibbs`."""
     over = more + gibbs + np.cross(more, gibbs)
     return np.asarray(over / (1 - np.sum(more * gibbs, axis=1, keepdims=True)))
 
@@ -42,7 +43,7 @@ class Build:
 
 @dataclass(frozen=True)
 class CableStand:
-    """Place and Gibbs vector of the platform."""
+    """Position and Gibbs vector of the platform."""
 
     place: Array  # (n, 3) [m]
     gibbs: Array  # (n, 3)
@@ -55,7 +56,7 @@ class CableStand:
 
 
 class CableRobot(Kind):
-    """cdpr8. Plans move a pose: place [m] and Gibbs vector."""
+    """The robot cdpr8. Plans move a pose: position [m] and Gibbs vector."""
 
     robot = "cdpr8"
     heavy = 5.0
@@ -94,7 +95,7 @@ class CableRobot(Kind):
         return Build(self.anchors.copy(), self.ends.copy(), self.gain.copy(), np.zeros(8))
 
     def away(self, x: Array, build: Build) -> Array:
-        """From anchors to platform joints at poses (n, 6), (n, 8, 3) [m]."""
+        """Vectors from anchors to platform joints at poses (n, 6), (n, 8, 3) [m]."""
         return x[:, None, :3] + turned(x[:, 3:], build.joint) - build.anchor
 
     def command(self, u: Array) -> Array:
@@ -135,13 +136,13 @@ class CableRobot(Kind):
     def pulls(
         self, q: Array, build: Build, changed: Any, payload: Array, centre: Array, near: CableStand
     ) -> Array:
-        """By virtual work at the pose `near`, (n, 8) [N]."""
+        """Tensions by virtual work at the pose `near`, (n, 8) [N]."""
         return self.tensions(np.append(near.place, near.gibbs, axis=1), build, payload, centre)
 
     def tensions(
         self, x: Array, build: Build, payload: Array, centre: Array, kept: Array | None = None
     ) -> Array:
-        """At poses (n, 6) and a pretension (n, 8), (n, 8) [N]."""
+        """Tensions at poses (n, 6) and a pretension (n, 8), (n, 8) [N]."""
 
         def works(at: Array) -> Array:
             stand = CableStand(at[:, :3], at[:, 3:])
@@ -151,7 +152,7 @@ class CableRobot(Kind):
 
         slope = slopes(works, x)
         lengths, weight = slope[:, :8], slope[:, 8]
-        # sum_i T_i dl_i = -dE for whichever way the platform moves
+        # sum_i T_i dl_i = -dE for every direction of motion of the platform
         kept = np.full((len(x), 8), self.pretension) if kept is None else kept
         short = -weight - np.einsum("nck,nc->nk", lengths, kept)
         return kept + np.einsum("nck,nk->nc", np.linalg.pinv(np.swapaxes(lengths, 1, 2)), short)

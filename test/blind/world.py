@@ -1,4 +1,4 @@
-"""What holds during a session, sample by sample, and what the causes act on."""
+"""Conditions of a session, sample by sample, and the state that the causes change."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 CENTRE = DELTA.centre
-_KNOT = 0.05  # [rad of a Delta] loads bend by 1 in 3000 of themselves over so much travel
+_KNOT = 0.05  # [rad of a Delta] travel over which loads deviate from linear by 1 in 3000
 
 
 @dataclass(frozen=True)
 class Warming:
-    """How far above the start each part is, [K] over time [s]: first order, part by part."""
+    """Temperature rise of each part over time [K]: first order."""
 
     rise: dict[str, float]  # [K]
     constant: dict[str, float]  # [s]
-    lag: float  # [s] a sensor behind its part
+    lag: float  # [s] of a sensor behind its part
 
     @classmethod
     def drawn(
@@ -37,7 +37,7 @@ class Warming:
         rise: Mapping[str, Span] = DELTA.rise,
         constant: Mapping[str, Span] = DELTA.constant,
     ) -> Warming:
-        """A machine of which each part warms as far and as fast as such parts do."""
+        """Draw a machine whose parts warm as far and as fast as is usual."""
         return cls(
             {part: rng.uniform(*span) for part, span in rise.items()},
             {part: rng.uniform(*span) for part, span in constant.items()},
@@ -45,11 +45,11 @@ class Warming:
         )
 
     def of(self, part: str, time: Array) -> Array:
-        """Of the part itself, (n,) [K]."""
+        """Rise of the part itself, (n,) [K]."""
         return self.rise[part] * -np.expm1(-time / self.constant[part])
 
     def by_sensor(self, part: str, time: Array) -> Array:
-        """What its sensor says: a first-order lag of a first-order rise, (n,) [K]."""
+        """Rise indicated by its sensor: a first-order lag of a first-order rise, (n,) [K]."""
         slow, quick = self.constant[part], self.lag
         share = (slow * np.exp(-time / slow) - quick * np.exp(-time / quick)) / (slow - quick)
         return self.rise[part] * (1 - share)
@@ -62,7 +62,7 @@ class World:
     items: Sequence[Item]
     build: Any
     warming: Warming
-    length: float  # [s] of the session of this machine
+    length: float  # [s] of a session of this machine
     kind: Kind = DELTA
 
     def _all(self, name: str) -> Array:
@@ -78,42 +78,42 @@ class World:
 
     @cached_property
     def time(self) -> Array:
-        """(n,) [s]."""
+        """Time, (n,) [s]."""
         return self._each([item.begin for item in self.items]) + self._all("time")
 
     @cached_property
     def command(self) -> Array:
-        """(n, m) [rad]."""
+        """Joint commands, (n, m) [rad]."""
         return self._all("command")
 
     @cached_property
     def velocity(self) -> Array:
-        """(n, m) [rad/s]."""
+        """Joint velocities, (n, m) [rad/s]."""
         return self._all("velocity")
 
     @cached_property
     def acceleration(self) -> Array:
-        """(n, m) [rad/s^2]."""
+        """Joint accelerations, (n, m) [rad/s^2]."""
         return self._all("acceleration")
 
     @cached_property
     def still(self) -> NDArray[np.bool_]:
-        """Arrived at a stop, (n,)."""
+        """Whether it has arrived at a stop, (n,)."""
         return self._all("still").astype(bool)
 
     @cached_property
     def seen(self) -> NDArray[np.bool_]:
-        """Read by the tracker, (n,)."""
+        """Whether the tracker measures, (n,)."""
         return self._all("seen").astype(bool)
 
     @cached_property
     def payload(self) -> Array:
-        """(n,) [kg]."""
+        """Payload, (n,) [kg]."""
         return self._each([item.payload for item in self.items])
 
     @cached_property
     def side(self) -> Array:
-        """From where the stop is approached, (n,) -1, 0, 1."""
+        """Side of approach to the stop, (n,) -1, 0, 1."""
         return self._each([item.side for item in self.items])
 
     @cached_property
@@ -123,12 +123,12 @@ class World:
 
     @cached_property
     def travel(self) -> Array:
-        """Joint travel so far; a step between items, so that nothing is interpolated across."""
+        """Cumulative joint travel; a step between items prevents interpolation across them."""
         step = np.linalg.norm(np.diff(self.command, axis=0, prepend=self.command[:1]), axis=1)
         return np.cumsum(step) / self.kind.size + self.item
 
     def spread(self, of_rows: Callable[[Index], Array]) -> Array:
-        """A slow function of the joints, worked out at some rows and interpolated in between."""
+        """A slow function of the joints, computed at some rows and interpolated in between."""
         edge = np.flatnonzero(np.diff(self.item))
         near = np.flatnonzero(np.diff(np.floor(self.travel / _KNOT)))
         rows = np.unique(np.r_[0, edge, edge + 1, near, len(self.item) - 1])
@@ -138,7 +138,7 @@ class World:
         return np.stack(filled, axis=1).reshape(-1, *values.shape[1:])
 
     def moments(self, changed: Any) -> Array:
-        """Of weight at the joints, and of inertia in motion, (n, m) [N m]."""
+        """Torques at the joints by weight, and by inertia in motion, (n, m) [N m]."""
 
         def at(rows: Index) -> Array:
             q, payload, near = self.command[rows], self.payload[rows], self.stand.take(rows)
@@ -161,14 +161,14 @@ class World:
         return result
 
     def pushes(self) -> Array:
-        """Moments of inertia forces at the joints, (n, m) [N m]."""
+        """Torques of the inertia forces at the joints, (n, m) [N m]."""
         result = np.zeros_like(self.command)
         rows, moved = self._moved
         result[rows] = moved.moments()
         return result
 
     def payload_pushes(self) -> Array:
-        """What the payload pushes with where it is accelerated, (n, 3) [N]."""
+        """Inertia force of the payload, (n, 3) [N]."""
         result = np.zeros((len(self.time), 3))
         rows, moved = self._moved
         result[rows] = -moved.pushed[:, -1]
@@ -176,7 +176,7 @@ class World:
 
     @cached_property
     def _moved(self) -> tuple[Index, Moved]:
-        """All samples in motion: their rows, and what moved."""
+        """All samples in motion: their rows, and the motion."""
         rows = np.flatnonzero(~self.still)
         motion = (values[rows] for values in (self.command, self.velocity, self.acceleration))
         kind, near = self.kind, self.stand.take(rows)
@@ -185,19 +185,19 @@ class World:
 
 @dataclass
 class State:
-    """What the causes act on, one after the other."""
+    """State of the machine that the causes change, one after the other."""
 
     joint: Array  # (n, m) behind the drives [rad]
     changed: Any
-    late: float = 0.0  # [s] how much older than its stamp a reading is
-    offset: Array | None = None  # (3,) [m] more of the reflector's offset
+    late: float = 0.0  # [s] age of a reading at its stamp
+    offset: Array | None = None  # (3,) [m] added to the reflector's offset
     shift: Array = field(default_factory=lambda: np.zeros((1, 3)))  # (n, 3) [m] in the base
     # (reading, time) -> reading, in the tracker's frame
     distortions: tuple[Callable[[Array, Array], Array], ...] = ()
 
     @classmethod
     def untouched(cls, world: World) -> State:
-        """A machine that does what it is told."""
+        """A machine that moves exactly as commanded."""
         return cls(world.command.copy(), world.kind.nothing())
 
 

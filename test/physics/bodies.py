@@ -1,12 +1,12 @@
-"""The machine as bodies, joints and constraints: a model of MuJoCo, written as its XML.
+"""The machine as bodies, joints and constraints: a MuJoCo model, written as its XML.
 
     base ( - soft mount) - motor, arm (hinges on one axis) - rod (ball joint) ... platform (free)
 
-A drive joins motor and arm, which turn freely on the same axis otherwise: rigidly (their angles
-are equal), with play (their difference has two stops), or by a spring, which with play is slack
-between the stops. A rod is tied to the part at its other end by a point in common; where that
+A drive joins motor and arm, which otherwise turn freely on the same axis: rigidly (their angles
+are equal), with backlash (their difference has two stops), or by a spring, which with backlash is
+slack between the stops. A rod is tied to the part at its other end by a common point; if that
 joint is worn the point slides along the rod, by the clearance to either side. Constraints are as
-stiff as the engine has them: under these loads they give by some nanometres.
+stiff as the engine allows: under these loads they yield by some nanometres.
 """
 
 from __future__ import annotations
@@ -38,20 +38,20 @@ GRAVITY = 9.80665  # [m/s^2]
 CENTRE = (0.0, 0.0, -0.03)  # [m] of a payload, in the platform's frame
 STEP = 5e-4  # [s]
 
-_HARD = "0.9999 0.9999 0.001 0.5 2"  # of a constraint: what the engine allows at most
-_THIN = 2e-6  # [kg m^2] of a rod about itself
-_ARM_INERTIA = 0.283 - ARM_CENTRE**2  # of kg m^2: a bar that tapers so that its centre is there
+_HARD = "0.9999 0.9999 0.001 0.5 2"  # of a constraint: the stiffest that the engine allows
+_THIN = 2e-6  # [kg m^2] of a rod about its own axis
+_ARM_INERTIA = 0.283 - ARM_CENTRE**2  # of kg m^2: a tapered bar with this centre of mass
 _BASE_KG, _BASE_INERTIA = 60.0, 2.0  # [kg], [kg m^2]
-FOOT = 0.25  # [m] of each foot of the base from its middle, along and across
+FOOT = 0.25  # [m] of each foot of the base from its centre, in both directions
 _RATIO = 0.1  # of critical damping
 _SLIPPERY = 1e-4  # [N m s/rad] of a ball joint
-_SLUGGISH = 0.5  # [kg] for what stretches to follow at this step; without weight
-_PIN = 0.5  # [kg] for a pin to come to its end without a jump; without weight
+_SLUGGISH = 0.5  # [kg] armature for a stable spring at this step; without weight
+_PIN = 0.5  # [kg] armature for a pin to reach its end without a jump; without weight
 _GREASE = 50.0  # [N s/m] between pin and socket
 
 
 def model_of(machine: Machine, payload: float) -> mujoco.MjModel:
-    """The machine with a payload [kg] on its platform."""
+    """Model of the machine with a payload [kg] on its platform."""
     return mujoco.MjModel.from_xml_string(Xml.tostring(_xml(machine, payload), encoding="unicode"))
 
 
@@ -104,7 +104,7 @@ def _platform(world: Xml.Element, machine: Machine, payload: float) -> Xml.Eleme
 
 
 def _leg(base: Xml.Element, machine: Machine, leg: int) -> Xml.Element:
-    """Motor and arm on their axis; returns the arm."""
+    """Add motor and arm on their axis; return the arm."""
     outward, along = _directions(leg)
     frame = {"pos": outward * RADIUS + _placed(machine.hinge[leg], leg)}
     frame["xyaxes"] = (*outward, *along)
@@ -137,7 +137,7 @@ def _drive(equality: Xml.Element, tendon: Xml.Element, machine: Machine, leg: in
 
 
 def _rod(arm: Xml.Element, platform: Xml.Element, machine: Machine, leg: int, side: int) -> None:
-    """A rod on a ball joint at its sound end, reaching for the other as in the home pose."""
+    """Add a rod on a ball joint at its sound end, pointing at the other as in the home pose."""
     outward, along = _directions(leg)
     elbow = np.array([machine.arm[leg], SIDES[side] * HALF, 0.0])
     reach = RADIUS + machine.arm[leg] - PLATFORM
@@ -168,7 +168,7 @@ def _rod(arm: Xml.Element, platform: Xml.Element, machine: Machine, leg: int, si
 
 
 def _end(rod: Xml.Element, machine: Machine, name: str, length: float) -> None:
-    """The end of a rod: where its joint is worn, a pin that slides along it by the clearance."""
+    """Add the end of a rod: if its joint is worn, a pin that slides along it by the clearance."""
     end = _add(rod, "body", pos=(length, 0, 0)) if machine.clearance else rod
     place = (0, 0, 0) if machine.clearance else (length, 0, 0)
     _add(end, "site", name=f"end_{name}", pos=place)
@@ -192,7 +192,7 @@ def _socket(equality: Xml.Element, machine: Machine, name: str) -> None:
 
 
 def _directions(leg: int) -> tuple[Array, Array]:
-    """Outward, and along the motor's axis, of a leg."""
+    """Directions outward and along the motor's axis of a leg."""
     angle = 2 * np.pi / 3 * leg
     return np.array([np.cos(angle), np.sin(angle), 0]), np.array(
         [-np.sin(angle), np.cos(angle), 0]
@@ -206,7 +206,7 @@ def _placed(shift: Array, leg: int) -> Array:
 
 
 def _height() -> float:
-    """How far the platform hangs under the base with arms level [m]."""
+    """Distance of the platform below the base with arms level [m]."""
     return float(np.sqrt(ROD**2 - (RADIUS + ARM - PLATFORM) ** 2))
 
 

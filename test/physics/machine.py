@@ -1,4 +1,4 @@
-"""What a machine is built of, and what in it is worn or gives way."""
+"""Parts of a machine, and their faults: wear and compliance."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# SRBD as drawn [m], [kg]
+# Nominal SRBD [m], [kg].
 RADIUS, PLATFORM, ARM, ROD, HALF = 0.2, 0.055, 0.32, 0.85, 0.04
 PLATFORM_KG, ARM_KG, ROD_KG = 1.2, 1.6, 0.18
 ARM_CENTRE = 0.45  # of its length, from the motor's axis
@@ -24,7 +24,7 @@ def _none() -> Array:
 
 @dataclass(frozen=True)
 class Machine:
-    """Lengths of the parts as they came from the workshop, and their faults.
+    """Lengths of the parts as manufactured, and their faults.
 
     Attributes:
         hinge: of each motor's axis off its place, outward, along and up, (3, 3) [m].
@@ -33,13 +33,13 @@ class Machine:
         rod: of each rod, (3, 2) [m].
         zero: by which an arm is ahead of its motor, (3,) [rad].
         drive: stiffness of each drive [N m/rad]; infinite: rigid.
-        gap: play of each drive, from flank to flank, (3,) [rad].
+        gap: backlash of each drive, from flank to flank, (3,) [rad].
         friction: of each arm in its bearing, Coulomb, (3,) [N m].
         rod_spring: stiffness of each rod [N/m]; infinite: rigid.
         clearance: by which a ball may be off the middle of its socket [m].
-        worn: end of the rods where it is, `PLATFORM_END` or `ELBOW_END`.
-        mount: stiffness of what the base stands on, to each side [N/m]; infinite: rigid.
-        feet: how far under the base that stands on it [m].
+        worn: end of the rods with the clearance, `PLATFORM_END` or `ELBOW_END`.
+        mount: stiffness of the base's mount, in each direction [N/m]; infinite: rigid.
+        feet: depth of the mount below the base [m].
     """
 
     hinge: Array
@@ -57,7 +57,7 @@ class Machine:
     feet: float = 0.0
 
     def with_(self, **faults: Array | float | str) -> Machine:
-        """The same machine with faults; what is of each drive may be one number for all."""
+        """The same machine with faults; a value of each drive may be one number for all."""
         each = ("drive", "gap", "friction")
         return replace(
             self,
@@ -83,7 +83,7 @@ def as_drawn() -> Machine:
 
 
 def from_the_workshop(rng: np.random.Generator) -> Machine:
-    """A machine whose parts are off by what the robot file expects, without faults."""
+    """A machine without faults whose parts deviate as the robot file expects."""
     drawn = as_drawn()
     apart = rng.normal(0, 0.05e-3, 3)
     rod = ROD + rng.normal(0, 0.2e-3, 3)

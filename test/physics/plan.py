@@ -1,4 +1,4 @@
-"""What a session commands: stops from both sides under two payloads, and circles."""
+"""Commands of a session: stops from both sides under two payloads, and circles."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from physics.machine import ARM, PLATFORM, RADIUS, ROD
 
 Array = NDArray[np.float64]
 
-EVERY = 100  # steps from one reading to the next
-_BESIDE = 0.02  # [rad] where the slow approach begins
+EVERY = 100  # steps between readings
+_BESIDE = 0.02  # [rad] distance at which the slow approach begins
 _MOVE, _APPROACH, _SETTLE = 0.4, 0.35, 0.25  # [s]
 _START, _LEVEL, _RADIUS = 0.3, -0.70, 0.14  # [s] to full speed, [m], [m]
 _LOWEST, _HIGHEST = np.radians(-30), np.radians(95)
@@ -23,13 +23,13 @@ HEAVY = 2.0  # [kg]
 
 @dataclass(frozen=True)
 class Item:
-    """One thing to do.
+    """One part of a plan.
 
     Attributes:
         command: of the motors at every step, (n, 3) [rad].
         payload: [kg].
-        dwell: readings at the end, all of the place where it has settled; 0 for a motion, which
-            is read all the way.
+        dwell: number of readings at the end, at the place where it has settled; 0 for a motion,
+            which is measured all the way.
     """
 
     command: Array
@@ -38,7 +38,7 @@ class Item:
 
 
 def joints_at(point: Array) -> Array:
-    """Motor angles of the machine as drawn at points (n, 3) [m], arms outward, (n, 3) [rad]."""
+    """Nominal motor angles for points (n, 3) [m], arms outward, (n, 3) [rad]."""
     angles = []
     for leg in range(3):
         turn = 2 * np.pi / 3 * leg
@@ -52,7 +52,7 @@ def joints_at(point: Array) -> Array:
 
 
 def places(rng: np.random.Generator, count: int, reach: float = 0.4) -> Array:
-    """Motor angles all over the workspace, (count, 3) [rad]."""
+    """Motor angles distributed over the workspace, (count, 3) [rad]."""
     drawn = 6 * count
     bearing, far = rng.uniform(0, 2 * np.pi, drawn), reach * np.sqrt(rng.random(drawn))
     height = rng.uniform(_LOW, _HIGH, drawn)
@@ -67,13 +67,13 @@ def stops(
     repeats: int = 8,
     reach: float = 0.4,
 ) -> list[Item]:
-    """Places from both sides under each payload, shuffled, and a few of them twice more.
+    """Places from both sides under each payload, shuffled, some of them three times.
 
     Args:
         rng: of places and order.
         count: of places.
         payloads: one after the other [kg].
-        repeats: stops that come twice more.
+        repeats: number of stops that are repeated twice.
         reach: of the places from the middle [m].
     """
     goals = places(rng, count, reach)
@@ -95,7 +95,7 @@ def stops(
 def circles(
     here: Array, payload: float, speeds: tuple[float, ...] = (0.06, 0.18, 0.5)
 ) -> list[Item]:
-    """Circles both ways round at some speeds [m/s], from where the motors stand."""
+    """Circles in both directions at some speeds [m/s], from the current motor angles."""
     items = []
     for speed in speeds:
         for way in (1.0, -1.0):
@@ -107,7 +107,7 @@ def circles(
 
 
 def _way(start: Array, end: Array, seconds: float) -> Array:
-    """From rest to rest, without a jump in acceleration, (n, 3)."""
+    """Path from rest to rest, with continuous acceleration, (n, 3)."""
     t = (np.arange(round(seconds / STEP)) + 1)[:, None] * STEP / seconds
     return start + (end - start) * t**3 * (10 - 15 * t + 6 * t**2)
 
@@ -118,9 +118,9 @@ def _round(speed: float, way: float) -> Array:
     t = np.arange(round(whole / STEP)) * STEP
 
     def gone(time: Array) -> Array:
-        """Way at full speed, begun smoothly within `_START`."""
+        """Travel at full speed, started smoothly within `_START`."""
         u = np.clip(time / _START, 0, 1)
-        rising = _START * (u**6 - 3 * u**5 + 2.5 * u**4)  # its slope is 0 to 1, twice smooth
+        rising = _START * (u**6 - 3 * u**5 + 2.5 * u**4)  # derivative rises smoothly from 0 to 1
         return np.where(time < _START, rising, time - _START / 2)
 
     way_gone = np.where(t < whole / 2, gone(t), whole - _START - gone(whole - t))

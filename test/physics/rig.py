@@ -1,4 +1,4 @@
-"""Moves the bodies: motors as commanded, everything else as the engine makes of it."""
+"""Moves the bodies: motors follow their commands, the engine computes everything else."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Array = NDArray[np.float64]
 
 
 class Rig:
-    """A machine that is carried from motion to motion, with the one payload or another.
+    """A machine that is moved from motion to motion, with one payload or another.
 
-    Motors follow their course exactly: they are set to it at every step, and are too heavy for
-    anything to push them meanwhile.
+    Motors follow their course exactly: they are set to it at every step, and are too heavy to be
+    moved by other forces in between.
     """
 
     def __init__(self, machine: Machine) -> None:
@@ -25,15 +25,15 @@ class Rig:
         self._data: mujoco.MjData | None = None
 
     def follow(self, angle: Array, payload: float, every: int) -> tuple[Array, Array]:
-        """Follow motor angles, (n, 3) [rad], one each step.
+        """Follow motor angles, (n, 3) [rad], one per step.
 
         Args:
             angle: of the motors.
             payload: on the platform [kg].
-            every: steps from one reading to the next; the first reading is of the first step.
+            every: steps between readings; the first reading is of the first step.
 
         Returns:
-            Place of the platform (k, 3) [m] and its turn as a quaternion w x y z, (k, 4).
+            Position of the platform (k, 3) [m], and its orientation: quaternions w x y z, (k, 4).
         """
         model, data = self._with(payload)
         motors = [model.joint(f"motor_{leg}").qposadr[0] for leg in range(3)]
@@ -51,7 +51,7 @@ class Rig:
         return np.array(places), np.array(turns)
 
     def settle(self, angle: Array, payload: float, seconds: float) -> tuple[Array, Array]:
-        """Hold the motors and wait; place and turn of the platform then."""
+        """Hold the motors and wait; return the platform's pose after that."""
         steps = round(seconds / STEP)
         places, turns = self.follow(np.tile(angle, (steps + 1, 1)), payload, steps)
         return places[-1], turns[-1]

@@ -1,4 +1,4 @@
-"""A session of the bodies, as a cell records it: commands, encoders, a tracker, the payload."""
+"""A session of the bodies, in the form of a recorded one: commands, encoders, tracker, payload."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Array = NDArray[np.float64]
 
 NAMES = ("joint_1", "joint_2", "joint_3")
 _START_NS = 1_700_000_000_000_000_000
-_BETWEEN = 20.0  # [s] from one item to the next
-_REST, _ENCODER = 12e-6, 3e-6  # [rad] where a joint comes to rest, one draw a move; of a reading
+_BETWEEN = 20.0  # [s] between items
+_REST, _ENCODER = 12e-6, 3e-6  # [rad] error at rest, drawn once per move; of an encoder reading
 _RADIAL, _ACROSS, _PER_METRE = 3e-6, 2e-6, 2e-6  # [m], [m], [m/m]
-_BEGIN = 0.5  # [s] to let the machine hang down
+_BEGIN = 0.5  # [s] for the machine to settle
 
 
 def measured(machine: Machine, items: Sequence[Item], rng: np.random.Generator) -> Session:
-    """Carry out a plan on a machine and record it."""
+    """Execute a plan on a machine and record it."""
     rig, reflector = Rig(machine), rng.uniform([-0.03, -0.03, -0.06], [0.03, 0.03, -0.02])
     times, commands, points, payloads = [], [], [], []
     begin, off = 0.0, np.zeros(3)
@@ -56,7 +56,7 @@ def measured(machine: Machine, items: Sequence[Item], rng: np.random.Generator) 
 
 
 class _Held:
-    """Readings of an item; a stop goes on being read where it has settled."""
+    """Readings of an item; a stop is measured repeatedly where it has settled."""
 
     def __init__(self, item: Item, point: Array) -> None:
         command = item.command[::EVERY]
@@ -66,7 +66,7 @@ class _Held:
 
 
 def _by_tracker(point: Array, rng: np.random.Generator) -> Array:
-    """As a tracker three metres off reads it: little noise along its beam, more across it."""
+    """Readings of a tracker three metres away: little noise along its beam, more across it."""
     bearing = rng.uniform(0, 2 * np.pi)
     turn = Rotation.from_euler("zyx", [rng.uniform(0, 2 * np.pi), *rng.normal(0, 0.02, 2)])
     station = np.array([3.0 * np.cos(bearing), 3.0 * np.sin(bearing), rng.uniform(-0.5, 0.3)])
