@@ -1,4 +1,4 @@
-"""Closures alone as observations: a simulated machine of the same form, then the real one."""
+"""Closure equations as the only observations, for a simulated cable robot and the real one."""
 
 from __future__ import annotations
 
@@ -24,9 +24,10 @@ present = pytest.mark.skipif(
 
 
 def simulated(noise, rng):
-    """44 poses of a machine off its drawing; drums turned until their spirals let out the length.
+    """Simulate 44 poses of a machine with errors of its dimensions and with drum build-up.
 
-    A drum of radius r at home has let out A when r phi - c phi^2 / 4 = A: the smaller root.
+    A drum of radius r at home has paid out the length A at the smaller root phi of
+    r phi - c phi^2 / 4 = A.
     """
     anchors = DRAWING.anchors + rng.normal(0, 20e-3, (4, 3))
     radius = 75e-3 * np.full(4, 1.004)
@@ -43,7 +44,7 @@ def simulated(noise, rng):
 def test_slopes_are_those_of_the_closures_with_free_poses_following():
     problem, anchors, _ = simulated(0.0, np.random.default_rng(1))
     unknowns = np.append(ROBOT.parameters.nominal, BUILD_UP)
-    unknowns[:16] = np.column_stack([anchors, DRAWING.gain]).reshape(-1)  # misfit of millimetres
+    unknowns[:16] = np.column_stack([anchors, DRAWING.gain]).reshape(-1)  # closures are off by mm
     slope = problem.at(unknowns)[1]
     for k, h in enumerate([*np.tile([1e-5, 1e-5, 1e-5, 1e-7], 4), 1e-8]):
         d = h * np.eye(17)[k]
@@ -60,11 +61,11 @@ def test_a_simulated_machine_is_found_from_nine_seen_poses_of_44():
     np.testing.assert_allclose(cables[:, :3], anchors, atol=1e-6)
     gain = radius / (DRAWING.gear * DRAWING.tackle)
     np.testing.assert_allclose(cables[:, 3], gain, rtol=1e-6)
-    assert found.unknowns[16] == pytest.approx(BUILD_UP / 1.004)  # goes by the drawing's radius
+    assert found.unknowns[16] == pytest.approx(BUILD_UP / 1.004)  # relative to the drawn radius
 
 
 def test_claimed_errors_are_those_of_the_noise():
-    """A fit's misses in its own standard errors; 17 of each of four machines."""
+    """Errors of 17 parameters of each of four machines, in claimed standard errors."""
     z = []
     for seed in range(4):
         problem, anchors, radius = simulated(0.05, np.random.default_rng(10 + seed))
@@ -83,7 +84,11 @@ def test_data_that_are_not_there_are_said(tmp_path):
 @present
 @pytest.mark.real
 def test_drum_build_up_halves_the_residual_of_the_real_machine():
-    """Wanted: 1.21 mm without, 0.64 or better with; by hand 18 to 50 mm without, 15 with."""
+    """Residual 1.21 mm without build-up and below 0.64 mm with it.
+
+    The errors of the hand-measured lengths are 18 to 50 mm without build-up and at most 15 mm with
+    it.
+    """
     found = fits()
     none, nominal, fitted = (1e3 * found[name].rms for name in ("none", "nominal", "fitted"))
     assert none == pytest.approx(1.214, abs=0.005)
@@ -99,8 +104,11 @@ def test_drum_build_up_halves_the_residual_of_the_real_machine():
 @present
 @pytest.mark.real
 def test_the_fitted_build_up_is_one_that_a_drum_can_have():
-    """Without the nominal value the fit finds it near: 0.093 +- 0.007 mm^2/mm where 0.069 is
-    stated, far from none; the hand-measured lengths, to 26 mm then, side with the stated one."""
+    """Fitted freely, the build-up is 0.093 +- 0.007 mm^2/mm, near the stated 0.069.
+
+    It is clearly not zero. The lengths measured by hand, then in error by up to 26 mm, agree
+    better with the stated value.
+    """
     found = fits()["fitted"]
     value, std = 1e3 * found.unknowns[16], 1e3 * found.std[16]
     assert value == pytest.approx(0.0929, abs=0.002)
@@ -111,7 +119,7 @@ def test_the_fitted_build_up_is_one_that_a_drum_can_have():
 @present
 @pytest.mark.real
 def test_build_up_comes_before_every_other_cause():
-    """With one parameter it leaves less than what else there is, counters' zeros included."""
+    """This one parameter leaves a smaller residual than any other cause, joint zeros included."""
     found = rivals()
     (first, (best, p)), (_, (second, other)) = list(found.items())[:2]
     assert first == "drum_build_up"
@@ -133,7 +141,7 @@ def verdict(machine):
 @present
 @pytest.mark.real
 def test_the_verdict_comes_to_build_up_by_itself(machine, verdict):
-    """Everything that suits a cable robot is tried; nothing says what to look for."""
+    """All causes that a cable robot can have are tried, without a hint."""
     assert [f.cause for f in verdict.verdict.findings] == ["drum_build_up"]
     (finding,) = verdict.verdict.findings
     assert finding.p_value < 1e-12
@@ -145,7 +153,7 @@ def test_the_verdict_comes_to_build_up_by_itself(machine, verdict):
     assert tried >= {"cable_elasticity", "pulley_radius", "drum_scale", "encoder_eccentricity"}
     assert not verdict.verdict.unknown_structure.found
     near = real_hangprinter.likeness(verdict)
-    assert max(near.values()) < 0.95  # of no class with anything that was tried
+    assert max(near.values()) < 0.95  # not equivalent to any other cause that was tried
 
 
 @present
@@ -158,7 +166,7 @@ def test_the_verdict_has_the_contracts_form(verdict):
 @present
 @pytest.mark.real
 def test_the_verdicts_fits_are_those_of_plain_least_squares(machine, verdict):
-    """Line residual 1.21 mm without, under 0.64 with, whichever way it is computed."""
+    """The line residual is 1.21 mm without and below 0.64 mm with build-up, computed both ways."""
     each, plain = real_hangprinter.fits(machine, verdict), fits()
     for key, other in (("geometry", "none"), ("stated", "nominal"), ("verdict", "fitted")):
         rms = real_hangprinter.line_rms(each[key])
@@ -169,4 +177,4 @@ def test_the_verdicts_fits_are_those_of_plain_least_squares(machine, verdict):
     assert by_hand["geometry"].min() > 16
     assert by_hand["stated"].max() < 15
     missed = by_hand["verdict"] / (1e3 * real_hangprinter.by_hand_std(each["verdict"]))
-    assert missed.max() < 2.1  # what the fit itself says of its lengths
+    assert missed.max() < 2.1  # in standard errors of the fit for these lengths

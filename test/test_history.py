@@ -1,4 +1,4 @@
-"""The history of a machine: what changed between sessions, and the store that keeps them."""
+"""The history of a machine: changes between sessions, and the store of the sessions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def robot() -> Robot:
 
 
 def measured(robot: Robot, day: int, causes: dict[str, dict[str, str]]) -> Session:
-    """A day of the same machine, tracker and reflector set up anew."""
+    """Simulate a session of one day, with tracker and reflector set up again."""
     machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
     plan = make_plan("identify", robot, count=30, seed=1)
     return days_later(simulate_session(machine, plan, 100 + day), day)
@@ -51,7 +51,7 @@ def changes_of(robot: Robot, each: list[dict[str, dict[str, str]]]) -> History:
         )
         for day, causes in enumerate(each)
     ]
-    return find_changes(days[::-1], robot)  # they are put in order
+    return find_changes(days[::-1], robot)  # the order of the list does not matter
 
 
 def test_a_tracker_set_up_anew_is_no_change(robot: Robot) -> None:
@@ -74,7 +74,7 @@ def test_a_dimension_that_changed_is_told_with_its_gap_and_size(robot: Robot) ->
     value, std = np.array(change.course).T
     level = np.where(np.arange(5) < 2, change.from_, change.to)
     assert (np.abs(value - level) < 4 * std).all()
-    assert (std < 1e-4 / 4).all()  # each session by itself shows which side it is on
+    assert (std < 1e-4 / 4).all()  # each session alone can tell both values apart
     assert found.before.sum() > 2 * found.after.sum()
 
 
@@ -101,7 +101,7 @@ def test_one_session_has_no_changes(robot: Robot) -> None:
 
 @pytest.fixture(scope="module")
 def folder(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Four days, a gap of a rod's length after the second, and their store."""
+    """Four days with an arm length that changes after the second one, and their store."""
     folder = tmp_path_factory.mktemp("history")
     for day in range(4):
         causes = {"arm_length": {"location": "joint_2", "value": "1e-4"}} if day > 1 else {}
@@ -111,7 +111,7 @@ def folder(robot: Robot, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def add(folder: Path, day: int, machine: str = "press_3") -> list[str]:
-    """Arguments that add a day."""
+    """Command-line arguments that add the session of a day."""
     return [
         "history",
         "add",
@@ -180,7 +180,7 @@ def test_what_cannot_be_added_is_refused(
 def test_a_diagnosis_that_was_made_is_kept_as_it_is(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of the very session only; and never half of it."""
+    """Only with the session that it was made from, and only verdict and calibration together."""
     verdict, calibration = tmp_path / "verdict.json", tmp_path / "extended.yaml"
     made = ["--json", str(verdict), "--out", str(calibration)]
     assert run(["diagnose", str(folder / "day_1"), "--robot", "srbd", *made]) == 0
@@ -220,7 +220,7 @@ def test_a_bag_that_moved_or_changed_is_told(
     ]
     assert run(show) == 2
     assert "is not at" in capsys.readouterr().err
-    assert run(add(tmp_path, 9)) == 0  # the same bag at its new place
+    assert run(add(tmp_path, 9)) == 0  # the same recording at its new path
     assert run(show) == 0
     (tmp_path / "day_9" / "more.txt").write_text("x", encoding="utf-8")
     assert run(show) == 2

@@ -1,4 +1,4 @@
-"""Sessions of few places in the history: kept, compared with the others, and counted once."""
+"""Sessions of few poses in the history are kept, compared with the others and counted once."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ Causes = dict[str, dict[str, str]]
 
 
 def measured(robot: Robot, day: int, plan: Plan, causes: Causes, seed: int = SEED) -> Session:
-    """A day of the same machine, tracker and reflector set up anew."""
+    """Simulate a session of one day, with tracker and reflector set up again."""
     machine = visited(draw_machine(robot, seed, 1.0, causes), robot, seed, day + 1)
     return days_later(simulate_session(machine, plan, 100 + day), day)
 
@@ -63,12 +63,12 @@ def few(robot: Robot, old: list[Dated]) -> Plan:
 def test_changes_are_found_among_sessions_of_few_places(
     robot: Robot, old: list[Dated], few: Plan
 ) -> None:
-    """In a gap between two of them as well, and none where nothing changed."""
+    """A change between two such sessions is found as well, and none where nothing changed."""
     days = [dated(robot, day, few, {}) for day in range(2, 5)]
     assert all(is_few(day.survey) for day in days)
     assert find_changes([*old, *days], robot).changes == ()
     later = [dated(robot, day, few, LONGER) for day in range(5, 8)]
-    found = find_changes([*later, *old, *days], robot)  # they are put in order
+    found = find_changes([*later, *old, *days], robot)  # the order of the list does not matter
     (change,) = found.changes
     assert (change.what, change.location) == ("arm_length", "joint_3")
     assert (change.after, change.before) == ("day_4", "day_5")
@@ -79,7 +79,7 @@ def test_changes_are_found_among_sessions_of_few_places(
 def test_a_session_of_few_places_says_what_its_own_readings_say(
     robot: Robot, old: list[Dated], few: Plan
 ) -> None:
-    """Whatever is known beside it: nothing of the others is counted a second time with it."""
+    """Its information does not depend on the other sessions, so nothing is counted twice."""
     day = dated(robot, 2, few, {})
     by_one, by_more = (pool([*each, day], robot).said[-1] for each in (old[:1], old))
     assert by_one.name == by_more.name == "day_2"
@@ -89,7 +89,7 @@ def test_a_session_of_few_places_says_what_its_own_readings_say(
 
 
 def test_what_few_places_say_is_carried_on(robot: Robot, old: list[Dated], few: Plan) -> None:
-    """To where the machine is now: it changed, and only sessions of few places have seen that."""
+    """The carried state follows a change that only sessions of few poses have seen."""
     days = [dated(robot, day, few, LONGER) for day in range(2, 6)]
     arm = robot.model().parameters.names.index("arm_3")
     seen, unseen = (prospect(each, robot).carried for each in ([*old, *days], old))
@@ -104,7 +104,7 @@ def test_what_few_places_say_is_carried_on(robot: Robot, old: list[Dated], few: 
 def test_few_places_of_an_unchanged_machine_do_not_contradict_its_history(
     robot: Robot, seed: int
 ) -> None:
-    """Also where play bends the fits of whole sessions: together they are sure."""
+    """Backlash biases the fits of the whole sessions here, and together they are very certain."""
     plan = make_plan("identify", robot, count=24, seed=1)
     (effect,) = (e for e in catalogue(robot, robot.model()) if e.cause == "backlash")
     plays = [{"backlash": {"location": "joint_2", "value": v}} for v in ("1.2e-4", "3.1e-4")]
@@ -130,7 +130,7 @@ def test_few_places_before_any_whole_session_count_as_well(
 
 @pytest.fixture(scope="module")
 def folder(robot: Robot, whole: Plan, few: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Two whole days and two of few places, after the arm has grown; and the first days' store."""
+    """Recordings of two whole days and of two sessions of few poses, after an arm has grown."""
     folder = tmp_path_factory.mktemp("few")
     for day in range(4):
         plan, causes = (few, LONGER) if day > 1 else (whole, {})
@@ -169,7 +169,7 @@ def test_few_places_are_added_by_the_verb(
     reading = adding.read_again
     monkeypatch.setattr(adding, "read_again", read_again)
     assert run(add(folder, [2, 3])) == 0
-    assert read == ["day_0", "day_1", "day_2"]  # each once
+    assert read == ["day_0", "day_1", "day_2"]  # each recording is read once
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1)" in said
     assert "changed: between day_1 (2023-11-15) and day_2 (2023-11-16) the arm length" in said
@@ -179,7 +179,7 @@ def test_few_places_are_added_by_the_verb(
     with open_store(str(folder / "h.sqlite")) as opened:
         entries = opened.sessions("m")
     assert [entry.is_update for entry in entries] == [False, False, True, True]
-    # a fleet's priors are made of fits that were told nothing
+    # the priors of a fleet use only fits that did not use the history
     assert len(fitted("m", (entry.calibration for entry in entries), robot).calibrations) == 2
     assert run(["history", "changes", *store]) == 0
     assert "and day_2 (2023-11-16) the arm length of joint 3" in capsys.readouterr().out
@@ -190,7 +190,7 @@ def test_few_places_are_added_by_the_verb(
 def test_a_whole_session_may_be_an_update_too(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """And an update is not what a diagnosis of that session says."""
+    """A session added with `--update` cannot be added with a verdict of its own."""
     pytest.importorskip("sqlalchemy")
     for day in range(2):
         (tmp_path / f"day_{day}").symlink_to(folder / f"day_{day}")

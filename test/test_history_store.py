@@ -1,4 +1,4 @@
-"""The store on SQLite and on a real PostgreSQL, from older versions; bags on any file system."""
+"""The store on SQLite and PostgreSQL, upgrades of old stores, recordings on other file systems."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from delta_calibration.history.store import BY_COMMAND, BY_NODE, Entry, open_sto
 __all__ = ["server", "url"]  # fixtures
 
 BEGAN = datetime(2026, 1, 2, 3, 4, tzinfo=timezone.utc)
-FIRST = (  # the schema of version 1, as it was
+FIRST = (  # schema of version 1
     "CREATE TABLE delta_cal_history (version INTEGER NOT NULL)",
     "INSERT INTO delta_cal_history VALUES (1)",
     "CREATE TABLE machines (name VARCHAR(255) NOT NULL PRIMARY KEY, robot VARCHAR NOT NULL, "
@@ -84,7 +84,7 @@ def test_what_is_added_comes_back_the_same(url: str) -> None:
 
 
 def test_the_same_id_twice_is_refused_by_the_database_as_well(url: str) -> None:
-    """As when two programs add at once."""
+    """This happens when two programs add the session at the same time."""
     with open_store(url, make=True) as store:
         store.add(entry(), "r", "h")
         with pytest.raises(InputError):
@@ -98,7 +98,7 @@ def test_a_store_of_the_first_version_is_brought_up(url: str) -> None:
         for line in FIRST:
             connection.exec_driver_sql(line)
     engine.dispose()
-    for _ in range(2):  # once only
+    for _ in range(2):  # the second time there is nothing to upgrade
         with open_store(url) as store:
             (old,) = store.sessions("m")
             assert (old.id, old.added_by, old.calibration) == ("day_0", BY_COMMAND, {"model": "x"})
@@ -151,7 +151,7 @@ def test_a_database_that_cannot_be_reached_is_told_without_its_password(tmp_path
 def test_a_password_is_not_told_where_all_goes_well(
     request: pytest.FixtureRequest, bag: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Not in what `add` says, nor where a machine or a session is not there."""
+    """Neither by `add` and `fleet report`, nor if the session or the machine does not exist."""
     folder = request.getfixturevalue("server")
     url = f"postgresql://postgres:secret@/postgres?host={folder}"
     store = ["--machine", "m", "--store", url]
@@ -168,7 +168,7 @@ def test_a_missing_driver_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         pass
 
 
-# Bags
+# Recordings
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +184,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(params=["memory", "zip"])
 def elsewhere(request: pytest.FixtureRequest, bag: Path, tmp_path: Path) -> Iterator[str]:
-    """URL of the same bag on another file system."""
+    """URL of the same recording on another file system."""
     if request.param == "zip":
         file = tmp_path / "days.zip"
         with zipfile.ZipFile(file, "w") as archive:

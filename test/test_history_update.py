@@ -1,4 +1,4 @@
-"""Continual calibration: what a machine's history says of it, and few poses that add to it."""
+"""Continual calibration: the state carried over from the history, and its update by few poses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Causes = dict[str, dict[str, str]]
 
 
 def kept(count: int) -> tuple[Kept, ...]:
-    """Numbers of two classes, every second one of either."""
+    """Parameters of two classes, in turn."""
     return tuple(
         Kept(f"p{i}", "ab"[i % 2], f"joint_{i}", "m", 0.0, 1.0, 1.0, (f"p{i}",))
         for i in range(count)
@@ -38,7 +38,7 @@ def kept(count: int) -> tuple[Kept, ...]:
 def walked(
     rng: np.random.Generator, sessions: int, speed: tuple[float, float], size: int = 6
 ) -> tuple[Walk, np.ndarray]:
-    """Sessions of a machine that drifts, and what it is in the end."""
+    """Simulate the sessions of a drifting machine; return them and its final state."""
     x, parts = rng.standard_normal(size), []
     each = np.where(np.arange(size) % 2, speed[1], speed[0])
     for number in range(sessions):
@@ -86,7 +86,7 @@ def test_only_what_clearly_drifts_is_told() -> None:
 
 
 def test_smoothing_is_what_all_numbers_at_once_give() -> None:
-    """Two sessions, solved as one normal equation of both states."""
+    """Compared with one normal equation for the states of two sessions."""
     walk, _ = walked(np.random.default_rng(1), 2, (0.1, 0.1), 3)
     walk = replace(walk, speed=(("a", 0.1), ("b", 0.3)), steps=(Step((1,), 0),))
     q = np.diag(1.0 / walk.moved(0))
@@ -151,7 +151,7 @@ def robot() -> Robot:
 
 
 def measured(robot: Robot, day: int, plan: Plan, causes: Causes) -> Session:
-    """A day of the same machine, tracker and reflector set up anew."""
+    """Simulate a session of one day, with tracker and reflector set up again."""
     machine = visited(draw_machine(robot, SEED, 1.0, causes), robot, SEED, day + 1)
     return days_later(simulate_session(machine, plan, 100 + day), day)
 
@@ -178,7 +178,7 @@ def few(robot: Robot, old: list[Dated]) -> Plan:
 
 
 def off(robot: Robot, carried: Carried | None, new: Dated, held: Dated) -> float:
-    """RMS distance from stops of the same set-up that were not fitted [m]."""
+    """RMS distance from poses of the same set-up that were not fitted [m]."""
     found = identify(new.survey.poses, robot, carried=carried)
     poses = held.survey.poses
     missed = poses.point - found.chain.predict(poses.conditions, found.theta)
@@ -188,7 +188,7 @@ def off(robot: Robot, carried: Carried | None, new: Dated, held: Dated) -> float
 def test_few_poses_added_to_a_history_do_as_well_as_a_whole_plan(
     robot: Robot, whole: Plan, old: list[Dated], few: Plan
 ) -> None:
-    """All errors hold the noise of the stops that they are told by, 9 um."""
+    """All errors include the noise of the held-out poses, 9 um."""
     held = dated(robot, 4, make_plan("identify", robot, count=60, seed=9), {})
     new = dated(robot, 4, few, {})
     now = prospect(old, robot, new)
@@ -224,7 +224,7 @@ def test_a_session_before_all_others_has_no_history(robot: Robot, old: list[Date
 
 
 def test_a_prior_is_carried_into_the_unknowns(robot: Robot) -> None:
-    """Its standard deviations come out where nothing is measured of a dimension."""
+    """The standard deviations of dimensions without measurements are those of the prior."""
     chain = chain_of(robot)
     size = len(chain.mechanism.parameters)
     rng = np.random.default_rng(0)
@@ -268,7 +268,7 @@ def test_a_plan_to_update_and_its_fit_go_by_the_store(
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1): geometry" in said
     assert "nothing changed since that this session could show" in said
-    assert run(["fit", str(tmp_path / "new"), "--robot", "srbd"]) == 1  # too few by themselves
+    assert run(["fit", str(tmp_path / "new"), "--robot", "srbd"]) == 1  # too few without history
     assert "6 different poses at rest, 12 or more are needed" in capsys.readouterr().err
 
 

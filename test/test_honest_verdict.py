@@ -1,4 +1,4 @@
-"""What a verdict may not do: ship what predicts worse, stay silent, say one word of two things."""
+"""A verdict ships no model that predicts worse, reports what is left, and is consistent."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def start(clean):
     return calibrated(clean, ROBOT)
 
 
-# Never ship what predicts worse
+# A model that predicts worse is not shipped
 
 
 def finding_of(term: Candidate, in_motion: bool) -> Finding:
@@ -77,7 +77,7 @@ def finding_of(term: Candidate, in_motion: bool) -> Finding:
 
 @pytest.fixture(scope="module")
 def overfitted(start):
-    """A clean machine with a map of noise: it follows what it has seen."""
+    """A machine without a cause, fitted with a map that follows only noise."""
     every = [one for group in maps(start.evidence, effect("backlash")) for one in group]
     large = [m for m in every if m.label == "unexplained (position)"][-1]
     return start.fitted((large,))
@@ -92,7 +92,7 @@ def test_what_predicts_held_out_poses_worse_is_not_shipped(start, overfitted, in
     said = {term: finding_of(term, in_motion)}
     left, after, refused = _shipped(found, held, said, start)
     assert after.rms(held.poses) == errors[0]
-    if in_motion:  # it has no business at rest: there all is as calibrated
+    if in_motion:  # at rest the model is the calibrated one
         base = start.layout.base
         assert left.model.terms == (term,)
         assert not refused
@@ -108,7 +108,7 @@ def test_a_map_that_does_harm_in_sectors_not_seen_is_not_borne_out(overfitted):
     assert not held.foretells((), overfitted.terms)
 
 
-# A map, and a correction, are only as wide as their data
+# A map and a correction do not extend beyond their data
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -132,10 +132,10 @@ def test_a_map_fades_out_beyond_the_joints_it_was_learned_at(family):
         )
 
     np.testing.assert_array_equal(moved(learned, seen), moved(wide, seen))
-    beyond = seen + np.array([1.4, 0.0, 0.0])  # one joint more than a range off
+    beyond = seen + np.array([1.4, 0.0, 0.0])  # one joint is outside by more than its range
     assert np.abs(moved(wide, beyond)).max() > 0.1
     reached = moved(learned, beyond)
-    if family == "joint angle":  # curves by the first joint are nothing there, others all there
+    if family == "joint angle":  # only the curves of the first joint vanish there
         first = reached.shape[-1] // 3
         assert np.abs(reached[..., :first]).max() < 1e-6
         np.testing.assert_array_equal(reached[..., first:], moved(wide, beyond)[..., first:])
@@ -156,7 +156,7 @@ def test_ranges_of_a_map_are_kept_in_its_file_and_refused_where_they_cannot_be()
 
 
 def corrected(q, single):
-    """Of a machine that is off the drawing, calibrated at joints of -0.1 to 0.9 rad."""
+    """Correct commands for a machine with one wrong dimension, calibrated from -0.1 to 0.9 rad."""
     chain = chain_of(ROBOT)
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
     theta[0] += 1e-3
@@ -174,8 +174,8 @@ def corrected(q, single):
 
 @pytest.mark.parametrize("single", [True, False])
 def test_joints_beyond_those_measured_are_not_corrected(single):
-    """Whatever the place: an arm reaches one with joints that nobody has measured."""
-    inside = corrected([[0.4, 0.4, 0.95]], single)  # as places among those measured may ask for
+    """This holds even inside the region of places: an arm can reach one with unmeasured joints."""
+    inside = corrected([[0.4, 0.4, 0.95]], single)  # slightly outside the measured joints
     assert inside.verdicts[0] is CommandStatus.CORRECTED
     assert inside.share[0] == 1.0
     slack = 0.1 * 1.0
@@ -187,7 +187,7 @@ def test_joints_beyond_those_measured_are_not_corrected(single):
     assert not beyond.correction[0].any()
 
 
-# Never silent over structure
+# Unexplained structure is always reported
 
 
 def test_the_statement_follows_from_the_tests():
@@ -198,11 +198,11 @@ def test_the_statement_follows_from_the_tests():
         "moran_direction",
     )
     assert shown({**quiet, MAP: 1.9e-3}) == (MAP,)
-    assert shown({**quiet, "moran_time": 1.9e-3}) == ()  # one of four that were asked
+    assert shown({**quiet, "moran_time": 1.9e-3}) == ()  # not significant for four tests
 
 
 def test_what_is_left_is_told_however_strong_the_causes_beside_it(start):
-    """13.4 um over a noise of 8.8, a fifth of what the causes explained: nothing was said."""
+    """Example: residuals of 13.4 um, a fifth of the explained error, where the noise is 8.8 um."""
     p = {"lack_of_fit": 1e-9, "moran_joints": 1e-18, "moran_direction": 1e-12}
     left, nothing = ResidualTests(p, 10e-6, 0.0, np.array([0.1, 0.0, -0.7])), Scan((), 1)
     found = SearchResult(start, nothing, nothing, ())
@@ -215,7 +215,7 @@ def test_what_is_left_is_told_however_strong_the_causes_beside_it(start):
 
 
 def test_a_map_beside_a_strong_cause_is_one_of_the_tests():
-    """What is said to be left has a test that says so: an uneven drive beside a large play."""
+    """A drive with cross talk beside a large backlash: only the test of the map finds it."""
     hidden = hide({"backlash": 3.0, "unknown:cross_talk": 0.35}, SEED, "still").session
     said = diagnose(
         survey(hidden, ROBOT.joints.names), ROBOT, effects=(effect("backlash"),)
@@ -236,11 +236,11 @@ def test_words_do_not_contradict_each_other(start):
         assert "below the noise" in _too_small(start.evidence, effect("backlash"), other)
 
 
-# Before, calibrated, extended mean the same everywhere
+# Before, calibrated and extended mean the same everywhere
 
 
 def test_an_unknown_reflector_is_no_error_of_the_robot():
-    """An arm as drawn, its reflector 50 mm from where the file has it."""
+    """A nominal arm whose reflector is 50 mm from the place in the robot file."""
     robot = load_robot("ur10")
     tracker = replace(robot.tracker, reflector_offset=robot.tracker.reflector_offset + 0.03)
     recorded = session_of(robot, 40, 0.0)
@@ -255,11 +255,11 @@ def test_an_unknown_reflector_is_no_error_of_the_robot():
     np.testing.assert_allclose(model.registered().theta, found.frame_only_theta, atol=1e-9)
 
 
-# What is set aside
+# Outliers
 
 
 def knocked(session, points: int, alike: bool) -> Verdict:
-    """Stops at the outer edge off by 12 mm, all in one direction or each in its own."""
+    """Diagnose with outer poses off by 12 mm, all in one direction or each in its own."""
     poses = collect(session, ROBOT.joints.names)
     far = np.argsort(-poses.joint[:, 0])[:points]
     rng = np.random.default_rng(4)
@@ -296,7 +296,7 @@ def test_gross_errors_of_their_own_are_quiet_in_the_right_share():
     assert misses_alike(missed[:2], at.take(slice(0, 2)), rng) is None
 
 
-# Ten tolerances
+# Errors of ten tolerances
 
 
 def test_ten_tolerances_off_says_check_the_drawing(clean):

@@ -1,4 +1,4 @@
-"""Machines of six rods written apart from the package are found again, within what is claimed."""
+"""Machines of an independent six-rod model are identified within the claimed uncertainty."""
 
 from __future__ import annotations
 
@@ -26,23 +26,27 @@ A_TENTH = (3, 17, 18, 41, 60, 66, 71, 79)
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_machine_is_found_where_it_was_not_measured(seed):
-    """New places, no noise: 5 um of the truth where the frame alone leaves ten times the noise."""
+    """At new places the prediction errs by about 5 um, less than 0.7 of the noise floor.
+
+    The frame alone leaves more than ten times the noise floor.
+    """
     cell, _, result = found(seed)
     q = workspace(300, np.random.default_rng(100 + seed))
     assert rms(prediction(result, q) - cell.reading(q)) < 0.7 * result.noise.floor
     assert result.frame_only.held_out > 10 * result.noise.floor
     assert result.full.held_out < 1.3 * result.noise.floor
     assert result.full.in_sample < result.full.held_out < result.full.held_out_max
-    # 33 combinations told by 192 coordinates: the prediction has 33 / 159 of the noise's variance
+    # 33 identifiable combinations from 192 coordinates: the prediction error has 33 / 159 of the
+    # variance of the noise
     assert result.full.held_out_whitened == pytest.approx(np.sqrt(1 + 33 / 159), abs=0.2)
     assert result.chi_square == pytest.approx(1, abs=0.25)
 
 
 def combinations(cell, poses, result):
-    """Errors of the 33 combinations that show, in their own claimed standard errors.
+    """Errors of the 33 identifiable combinations, divided by their claimed standard errors.
 
-    They are the independent directions of the claimed covariance of what the model predicts at the
-    measured places; the truth comes from the other machine, so no gauge enters.
+    The combinations are the independent directions of the claimed covariance of the prediction at
+    the measured places. The truth comes from the other model, so the gauge does not matter.
     """
     jacobian = result.chain.jacobian(poses.conditions, result.theta)
     jacobian = jacobian.reshape(-1, len(result.theta))
@@ -62,14 +66,17 @@ def test_claimed_standard_errors_are_those_of_many_machines():
 
 
 def test_what_the_data_do_not_set_stays_as_uncertain_as_before():
-    """Base and platform joint moved together does nothing: misfit tells no more of that."""
+    """Base and platform joint moved together have no effect; a large misfit must not shrink that.
+
+    Their common position keeps the standard deviation of its prior.
+    """
     rng = np.random.default_rng(6)
     q = np.repeat(workspace(20, rng), 4, axis=0)
     side = np.tile([1.0, 1.0, -1.0, -1.0], 20)[:, None] * np.ones(3)
     poses = Cell(SixRods(errors(rng))).measure(q - side * 1.5e-4, rng, direction=side)
     poses = replace(poses, joint=q, command=q, place=np.repeat(np.arange(20), 4))
     result = identify(poses, ROBOT)
-    assert result.chi_square > 20  # backlash that the model does not know
+    assert result.chi_square > 20  # because of a backlash that is not in the model
     along = np.zeros(len(result.theta))
     along[[PARAMETERS.row("base_radial_1"), PARAMETERS.row("platform_radial_1")]] = np.sqrt(0.5)
     std = np.sqrt(along @ result.covariance @ along)
@@ -83,7 +90,7 @@ def test_what_the_data_do_not_set_stays_as_uncertain_as_before():
     ids=["half a millimetre", "twenty", "another reflector", "a tenth of the poses"],
 )
 def test_knocked_poses_are_set_aside_and_do_no_harm(rows, size):
-    """They are as good as not there: same prediction, same standard errors, same chi square."""
+    """The result is that of the other poses: same prediction, standard errors and chi square."""
     cell, poses, _ = found(0)
     point, rng = poses.point.copy(), np.random.default_rng(12)
     way = rng.standard_normal((len(rows), 3))
@@ -122,7 +129,7 @@ def test_the_same_data_give_the_same_answer_and_the_seed_is_of_the_folds_only():
 
 
 def test_a_place_is_held_out_whole():
-    """With each place twice, a part that saw the twin would do better than it can."""
+    """If one visit of a place were fitted and the other held out, the error would be too small."""
     _, poses, _ = found(1)
     part = parts_of(poses, 3)
     assert len(np.unique(poses.place)) < len(poses)
@@ -141,11 +148,11 @@ def test_a_pose_that_does_not_count_is_not_in_the_error_left():
     assert result.full.held_out == pytest.approx(fit.full.held_out, rel=0.1)
 
 
-# What cannot be
+# Refused or flagged
 
 
 def test_a_wrong_model_is_flagged():
-    """Rods half a millimetre unequal tilt the platform; three spheres cannot say so."""
+    """Rods that differ by 0.5 mm tilt the platform; the three-sphere model cannot describe it."""
     rng = np.random.default_rng(8)
     mismatch = {"rod_mismatch_1": 5e-4, "rod_mismatch_2": -5e-4, "rod_mismatch_3": 5e-4}
     cell = Cell(SixRods({**errors(rng), **mismatch}), (30e-3, 20e-3, 10e-3))
@@ -169,7 +176,7 @@ def test_another_robot_is_refused_in_words(part, by):
 
 
 def test_another_robot_is_refused_wherever_a_fit_would_put_the_reflector():
-    """Rods of another robot: the best place of the reflector would be metres off the platform."""
+    """Rods of another robot: the fit would place the reflector metres away from the platform."""
     robot = load_robot("srbd")
     plan = make_plan("identify", robot, count=60, seed=7)
     poses = collect(simulate_session(draw_machine(robot, 7), plan, 7), robot.joints.names)
@@ -203,7 +210,7 @@ def test_too_few_places_are_refused_however_often_measured():
         )
 
 
-# What is known of real sessions
+# Real sessions
 
 
 @pytest.mark.skipif(
@@ -219,15 +226,16 @@ def test_kept_session_without_a_cause():
         assert result.frame_only.held_out > 1e-4
 
 
-# The statement of the design
+# Assumptions of the design
 
 
 def test_the_papers_line_on_machines_with_a_real_ones_errors():
     """Median machine: mean error 0.84 mm on x = -y, z = -711 mm, largest 1.5, 95th percentile 2.9.
 
-    Joints 0.25 mm a coordinate (of hinge and platform joint together), arms 0.15, rods 0.2, zeros
-    0.8 mrad; errors are those in the *nominal* frame. In the frame that fits the line less than
-    a third of them is left, so that this cannot be what is meant.
+    Standard deviations: joint positions 0.25 mm per coordinate (hinge and platform joint
+    together), arms 0.15 mm, rods 0.2 mm, zero offsets 0.8 mrad. The errors are those in the
+    *nominal* frame. In the best-fit frame of the line less than a third of them is left, so the
+    paper cannot mean that frame.
     """
     x = np.linspace(-0.45, 0.45, 61)
     line = np.stack([x, -x, np.full_like(x, -0.711)], axis=1)

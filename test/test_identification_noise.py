@@ -1,4 +1,4 @@
-"""The noise of a measured pose is found from repeats, and only from what may be compared."""
+"""The noise of a measured pose is estimated from repeats, using only comparable poses."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from six_rods import (
     workspace,
 )
 
-# A cubic in time, changing over the workspace like a plane, for each of three joints: 36 numbers
-TIME = 3 * 4 * 3 // 3  # deviations (of three coordinates) that telling it from chance costs
-SIDES = 1 * 4 * 3 // 3  # the same of two sides of approach, all joints from the same
+# A cubic in time whose coefficients are linear in the position, for three joints: 36 numbers
+TIME = 3 * 4 * 3 // 3  # degrees of freedom (of three coordinates each) of this model
+SIDES = 1 * 4 * 3 // 3  # the same for two sides of approach, shared by all joints
 
 
 def test_known_noise_is_given_back_within_its_sampling_error():
-    """400 poses of 11 readings: 4000 degrees of freedom along, 8000 across; 564 for rest."""
+    """400 poses of 11 readings: 4000 degrees of freedom along, 8000 across, 564 at rest."""
     rng = np.random.default_rng(1)
     q = np.repeat(workspace(200, rng), 2, axis=0)
     for factor, rest in ((1.0, 12e-6), (1.7, 25e-6)):
@@ -66,7 +66,7 @@ def test_covariance_of_a_reading_lies_along_and_across_the_beam():
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
 @pytest.mark.parametrize("growth", [0.0, 4e-4])
 def test_what_side_and_time_do_is_no_noise(gap, growth):
-    """A gap of 0.1 mrad and a growth of 0.4 mrad over the session, each eight times the noise."""
+    """Backlash of 0.1 mrad, growth of 0.4 mrad over the session; the rest error is 12 urad."""
     rng = np.random.default_rng(3)
     q = np.repeat(workspace(40, rng), 4, axis=0)[rng.permutation(160)]
     place = np.unique(q, axis=0, return_inverse=True)[1].reshape(-1)
@@ -80,7 +80,7 @@ def test_what_side_and_time_do_is_no_noise(gap, growth):
 
 
 def test_what_comes_by_chance_is_noise_however_large():
-    """The same 0.1 mrad, but of a side drawn anew for each move and told to nobody."""
+    """The same 0.1 mrad, with a side drawn at random for each move and not recorded."""
     rng = np.random.default_rng(3)
     q = np.repeat(workspace(60, rng), 4, axis=0)
     hidden = rng.choice([-0.5e-4, 0.5e-4], q.shape)
@@ -135,7 +135,7 @@ def test_a_gross_error_at_a_place_that_was_reached_from_both_sides_is_not_noise(
 
 @pytest.mark.parametrize("rest", [12e-6, 200e-6])
 def test_a_rest_error_that_the_encoders_saw_is_no_noise(rest):
-    """The fit knows where the joints were, so repeats are compared there: the tracker is left."""
+    """Repeats are compared at the joint angles of the encoders; only tracker noise is left."""
     rng = np.random.default_rng(6)
     command, place = np.repeat(workspace(120, rng), 2, axis=0), np.repeat(np.arange(120), 2)
     joint = command + rest * rng.standard_normal(command.shape)
@@ -150,10 +150,10 @@ def test_a_rest_error_that_the_encoders_saw_is_no_noise(rest):
 
 
 def test_what_places_and_conditions_take_is_not_counted_as_small():
-    """40 places from both sides: 72 of 120 differences tell of conditions, unlike directions.
+    """40 places from both sides: time and side use up 48 of 120 differences, unevenly.
 
-    The mean of 16 machines is known to 5 %; an estimate that spread what was taken evenly over
-    directions said 24 % too much.
+    The mean of 16 machines is known to 5 %. An estimate that spreads the lost degrees of freedom
+    evenly over the directions is 24 % too large.
     """
     robot, found = load_robot("srbd"), []
     for seed in range(16):

@@ -1,4 +1,4 @@
-"""What the data can set: rank and redundancies of the real machine, indices of small matrices."""
+"""Observability: rank and redundancies of the real robot, indices of small matrices."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from six_rods import SixRods
     ("model", "rank", "columns"), [("six_rod_delta", 33, 69), ("rotary_delta", 24, 33)]
 )
 def test_rank_and_each_sentence_about_what_does_not_show(model, rank, columns):
-    """The stated mixture moves the readings as the parameter does: by differences of the chain.
+    """The stated combination moves the readings as the parameter does.
 
-    For six rods the differences are of the other machine.
+    The derivatives are differences of the chain, for six rods those of the independent model.
     """
     _, poses, result = found(0)
     if model != "six_rod_delta":
@@ -55,7 +55,7 @@ def test_neighbours_are_named():
 
 
 def test_a_doubled_and_a_silent_column_are_said_in_their_own_units():
-    """c = 3 a - 2 b in raw units whatever the scales; d does nothing."""
+    """c = 3 a - 2 b in the units of the columns, whatever their scales; d has no effect."""
     rng = np.random.default_rng(10)
     a, b = rng.normal(size=(2, 8, 3, 1))
     jacobian = np.concatenate([a, b, 3 * a - 2 * b, 0 * a], axis=-1)
@@ -67,7 +67,7 @@ def test_a_doubled_and_a_silent_column_are_said_in_their_own_units():
 
 
 def test_indices_of_singular_values_that_are_known():
-    """Five poses, singular values 8, 4 and 1 after scaling."""
+    """Five poses with scaled singular values 8, 4 and 1."""
     u = np.linalg.qr(np.random.default_rng(11).normal(size=(15, 3)))[0]
     scale = np.array([0.5, 2.0, 1e-3])
     jacobian = (u * [8.0, 4.0, 1.0] / scale).reshape(5, 3, 3)
@@ -77,7 +77,7 @@ def test_indices_of_singular_values_that_are_known():
 
 
 def test_no_correlation_is_beyond_one():
-    """A covariance that is known to three digits only says no more than that."""
+    """The covariance is accurate to three digits only, which gives a correlation of -1.002."""
     pairs = strong_correlations(np.array([[1.0, -1.002], [-1.002, 1.0]]), ("a", "b"))
     assert pairs == (("a", "b", -1.0),)
 

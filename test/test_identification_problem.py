@@ -1,4 +1,4 @@
-"""The least-squares problem: its unknowns, its slope, and where the search comes to rest."""
+"""The least-squares problem: its unknowns, its derivatives and its minimum."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def problem_fixture():
 
 
 def away(problem, rng):
-    """Unknowns of a machine with errors, its reflector 20 mm off."""
+    """Unknowns of a machine with errors and a reflector that is 20 mm off."""
     z = rng.standard_normal(len(problem.theta0))
     z[problem.offset_rows()] = 0.4 * rng.standard_normal(3)
     return z
@@ -55,7 +55,7 @@ def test_slope_is_that_of_the_whitened_prediction(problem):
 
 
 def test_whitened_residuals_of_the_truth_have_unit_size():
-    """Known noise, no fit: the covariance that is taken is the one that was put in."""
+    """With known noise and no fit, the whitened covariance is the identity."""
     rng = np.random.default_rng(3)
     cell = Cell(SixRods())
     poses = cell.measure(np.repeat(workspace(150, rng), 2, axis=0), rng)
@@ -69,7 +69,7 @@ def test_whitened_residuals_of_the_truth_have_unit_size():
 def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
     one = solve(problem)
     other = solve(problem, away(problem, np.random.default_rng(4)))
-    assert other.cost == pytest.approx(one.cost, abs=0.1)  # of chi square
+    assert other.cost == pytest.approx(one.cost, abs=0.1)  # in units of chi square
     apart = points(one) - points(other)
     assert rms(apart) < 2e-7
 
@@ -83,7 +83,7 @@ def test_fixed_parameters_stay(problem):
 
 
 def test_a_machine_as_drawn_stays_as_drawn():
-    """Noise moves no part by more than twice its tolerance, and the prediction not that far."""
+    """Noise moves no part by more than two tolerances, and the prediction by less than 8 um."""
     rng = np.random.default_rng(5)
     cell = Cell(SixRods())
     poses = cell.measure(np.repeat(workspace(30, rng), 2, axis=0), rng)
@@ -95,7 +95,7 @@ def test_a_machine_as_drawn_stays_as_drawn():
 
 
 def test_loss_by_distance():
-    """Square to the bend, straight to the cut, flat beyond, without a step; weight rho' / 2 d."""
+    """Quadratic, then linear, then constant, and continuous; the weight is rho' / 2 d."""
     loss, d = _Loss(4.0, 12.0), np.array([0.0, 3.0, 4.0, 8.0, 12.0, 12.1, 1e4])
     rho, weight = judged(loss, d)
     np.testing.assert_allclose(rho, [0, 9, 16, 48, 80, 80, 80])
@@ -109,7 +109,7 @@ def test_loss_by_distance():
 
 
 def judged(loss, distance):
-    """Loss and weight of poses each alone, at these whitened distances."""
+    """Loss and weight of single poses at these whitened distances."""
     way = np.array([0.6, 0.0, 0.8])
     weight, cost = zip(*(loss.judge(d * way[None]) for d in distance), strict=True)
     return np.array(cost) * loss.spread**2, np.concatenate(weight)
@@ -143,6 +143,6 @@ def test_a_start_out_of_reach_is_refused_by_pose():
     problem = problem_of(poses, "rotary_delta")
     z = np.zeros(len(problem.theta0))
     for leg in (1, 2, 3):
-        z[problem.chain.parameters.row(f"rod_{leg}")] = -3500.0  # 0.7 m short
+        z[problem.chain.parameters.row(f"rod_{leg}")] = -3500.0  # 0.7 m too short
     with pytest.raises(DataError, match=r"pose 1 of 20 cannot be reached .* joints .* rad"):
         solve(problem, z)

@@ -1,4 +1,4 @@
-"""What `delta-cal import` refuses: by line, column, value and, where it is one, likely unit."""
+"""`delta-cal import` refuses wrong tables by line, column, value and, if known, likely unit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from import_bench import JOINTS, SRBD, imported, mapping_of, measured, refused, 
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory):
-    """A folder, a session and what stands still in it."""
+    """A folder, a session and its poses at rest."""
     return tmp_path_factory.mktemp("cell"), *measured()
 
 
@@ -90,7 +90,7 @@ def test_a_whole_column_in_another_unit(cell, capsys, changes, said):
     ],
 )
 def test_a_unit_that_there_is_not(cell, capsys, unit, said):
-    """One unit or a list of three: refused by the form that was written."""
+    """A single unit or a list of three; the message depends on which of them was given."""
     folder, _, poses = cell
     head, rows = stops(poses)
     position = {"columns": ["x", "y", "z"], "unit": unit}
@@ -98,7 +98,7 @@ def test_a_unit_that_there_is_not(cell, capsys, unit, said):
 
 
 def in_radians(columns):
-    """The mapping with these joints said to be in radians."""
+    """Mapping of the joints in which these columns are declared to be in radians."""
     return [
         {"joint": j, "column": c, "unit": "rad" if c in columns else "deg"}
         for j, c in zip(SRBD.joints.names, JOINTS, strict=True)
@@ -106,7 +106,7 @@ def in_radians(columns):
 
 
 def test_degrees_said_to_be_radians_are_beyond_the_limits(cell, capsys):
-    """Rows so few that the reach says nothing."""
+    """With so few rows the measured points are not compared with the reach of the robot."""
     folder, _, poses = cell
     head, rows = stops(poses.take(np.arange(5)))
     said = refused(capsys, folder, head, rows, mapping_of(commands=in_radians(["q2"])))
@@ -117,7 +117,7 @@ def test_degrees_said_to_be_radians_are_beyond_the_limits(cell, capsys):
 
 @pytest.mark.parametrize("columns", [["q2"], ["q1", "q2", "q3"]])
 def test_radians_said_to_be_degrees(cell, capsys, columns):
-    """Within the limits, but the measured points lie far wider apart than these could bring."""
+    """The angles are within the limits, but the measured points are too far apart for them."""
     folder, _, poses = cell
     head, rows = stops(poses)
     for name in columns:
@@ -130,7 +130,7 @@ def test_radians_said_to_be_degrees(cell, capsys, columns):
 
 
 def test_a_knocked_reflector_is_no_unit(cell):
-    """An outlier is for the fit to set aside."""
+    """An outlier is accepted; the fit sets it aside."""
     folder, _, poses = cell
     head, rows = stops(poses)
     rows[6][3] = repr(float(rows[6][3]) + 80.0)
@@ -157,7 +157,7 @@ def test_times_have_to_rise(cell, capsys):
     assert "line 3: t: '2' is 0.001 s after line 2; stops are 1.1 s apart or more" in said
     formed = mapping_of(time={"column": "t", "unit": "format", "format": "%H:%M"})
     assert "is not of the form '%H:%M'" in refused(capsys, folder, head, at([1, 2]), formed)
-    formed["time"]["format"] = "%d.%d"  # one part twice
+    formed["time"]["format"] = "%d.%d"  # the day twice
     assert "is not of the form '%d.%d'" in refused(capsys, folder, head, at([1, 2]), formed)
 
 

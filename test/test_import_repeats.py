@@ -1,4 +1,4 @@
-"""Rows of a table that are copies of others: refused, left out or kept, with their lines."""
+"""Rows of a table that are copies of other rows: refused, left out or kept, with line numbers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from import_bench import imported, mapping_of, measured, refused, stops
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory):
-    """A folder, and a table's head and rows."""
+    """A folder, and the header and rows of a table."""
     _, poses = measured()
     return tmp_path_factory.mktemp("repeats"), *stops(poses)
 
@@ -62,7 +62,7 @@ def test_copies_are_left_out_or_kept(cell, capsys):
 
 
 def test_repeated_poses_that_coarse_digits_make_alike(cell, capsys):
-    """New readings of the same stops with the tracker's noise, in steps of 0.1 mm: no copies."""
+    """New readings of the same poses with tracker noise, rounded to 0.1 mm, are not copies."""
     folder, head, rows = cell
     rng = np.random.default_rng(4)
     table = [
@@ -83,7 +83,7 @@ def test_as_many_equal_rows_by_chance(equal: int, tries: int) -> None:
 
 
 def test_a_robot_that_stands_still_twice_is_no_copy_in_a_stream(cell, capsys):
-    """Encoders and commands come back; the clock does not."""
+    """Encoders and commands repeat, but the time does not."""
     folder, head, rows = cell
     twice = [[k, *row] for k, row in enumerate([*rows, *rows])]
     mapping = mapping_of(rows="stream", time={"column": "t", "unit": "s"})
@@ -105,7 +105,7 @@ def test_rows_in_motion_may_have_the_same_commands(cell):
 
 @pytest.mark.parametrize("step", [0.1, 1.0, 5.0, 40.0])
 def test_the_chance_of_two_readings_that_round_alike(step):
-    """Against drawing them, with a value anywhere between two multiples."""
+    """Compared with random draws; the true value is uniform between two multiples of the step."""
     rng = np.random.default_rng(7)
     value = rng.uniform(0, step, 200_000)
     one, other = (np.round((value + rng.normal(size=len(value))) / step) for _ in range(2))

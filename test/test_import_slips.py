@@ -1,6 +1,6 @@
-"""What a mapping gets wrong is told by the robot's reach: which columns and rows, what is likely.
+"""Mistakes in a mapping are found by the reach of the robot: columns, rows and likely cause.
 
-Tables of simulated robots, spoilt in one way each.
+The tables are those of simulated robots, each with one mistake.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def test_a_column_of_the_points_in_another_unit(cell, capsys, where):
 @pytest.mark.parametrize("columns", ["all", "q2"])
 @pytest.mark.parametrize("large", [True, False])
 def test_joints_in_another_unit(cell, capsys, where, columns, large):
-    """Radians said to be degrees, metres said to be millimetres; and the other way round."""
+    """Radians declared as degrees, metres declared as millimetres, and vice versa."""
     _, robot, table = cell
     turns = robot.joints.unit == "rad"
     small, units = (np.pi / 180, ("deg", "rad")) if turns else (1e-3, ("mm", "m"))
@@ -122,7 +122,7 @@ def test_joints_in_another_unit(cell, capsys, where, columns, large):
 
 
 def test_heights_in_another_unit_that_a_plane_of_most_rows_hides(capsys, tmp_path):
-    """In m, said to be in mm: 24 of 45 rows are at one height, and fit whatever it is."""
+    """In m, declared as mm. 24 of 45 rows are at one height, so they fit with either unit."""
     robot = load_robot("srbd")
     lines = (Path(__file__).parents[1] / "bags" / "srbd_plain.csv").read_text().splitlines()
     table = np.array([[float(cell) for cell in line.split(",")[1:]] for line in lines[4:]])
@@ -134,7 +134,7 @@ def test_heights_in_another_unit_that_a_plane_of_most_rows_hides(capsys, tmp_pat
 
 
 def test_a_left_handed_frame(cell, capsys):
-    """Two axes swapped and one negated are one thing, as the tracker's frame is free."""
+    """Swapping two axes and negating one are equivalent, because the tracker frame is free."""
     _, robot, table = cell
     m = len(robot.joints.names)
     swapped, negated = table.copy(), table.copy()
@@ -155,9 +155,9 @@ def test_joints_of_another_sign_or_swapped(cell, capsys):
 
 
 def test_all_units_wrong_at_once(cell, capsys):
-    """No single slip explains the points; limits tell the unit of joints that all slide."""
+    """No single mistake explains the points; the limits give the unit of joints that all slide."""
     folder, robot, table = cell
-    turns = robot.joints.unit == "rad"  # some angles are within their limits by either unit
+    turns = robot.joints.unit == "rad"  # some angles are within their limits in either unit
     mapping = mapping_of(robot, "rad" if turns else "m")
     mapping["position"]["unit"] = "m"
     rows = [[*map(repr, row)] for row in table.tolist()]
@@ -175,7 +175,7 @@ def test_columns_shifted_by_one_are_beyond_the_limits(cell, capsys):
 
 
 def test_what_nothing_explains_is_noted(cell, capsys):
-    """Each row has the joints of the one before."""
+    """Each row has the joints of the previous row."""
     folder, robot, table = cell
     m = len(robot.joints.names)
     late = np.hstack([np.roll(table[:, :m], 1, axis=0), table[:, m:]])
@@ -194,7 +194,7 @@ def test_too_few_rows_to_judge_by_the_reach_are_noted(cell, capsys):
 
 
 def test_good_tables_of_many_machines_pass(cell):
-    """With the errors that machines have, in frames of any place."""
+    """Machines with typical errors, in any tracker frame."""
     folder, robot, _ = cell
     for seed in range(3):
         plan = make_plan("identify", robot, count=12, seed=seed)

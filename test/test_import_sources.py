@@ -27,13 +27,13 @@ def cell(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def plain(cell):
-    """The session of the plain table, that every other form has to give."""
+    """Session of the plain table; every other form has to give the same."""
     folder, _, poses = cell
     return read_session(imported(folder, *stops(poses), mapping_of()))
 
 
 def bring(path: Path, mapping: dict, capsys, code: int = 0, robot: str = "srbd"):
-    """Import a file that stands there already; the session, and what was said."""
+    """Import an existing file; return the session and the output of the command."""
     yaml = path.with_suffix(".mapping.yaml")
     YAML(typ="safe").dump(mapping, yaml)
     out = path.with_suffix(".session")
@@ -55,7 +55,7 @@ def write(path: Path, lines: list[str], encoding: str = "utf-8") -> Path:
 
 
 def german(poses, parted: str = ".") -> list[str]:
-    """`;` between values, a comma for decimals, thousands parted."""
+    """Lines with `;` between values, decimal commas and a separator of thousands."""
 
     def number(text: str) -> str:
         whole, _, part = f"{float(text):,.12f}".partition(".")
@@ -70,7 +70,7 @@ COMMAS = {"delimiter": ";", "table": {"decimal": ",", "thousands": "."}}
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"])
 def test_an_instruments_own_export(cell, plain, tmp_path, capsys, encoding) -> None:
-    """A preamble with umlauts, in whatever encoding; decimal commas, thousands parted."""
+    """A preamble with umlauts in any encoding, decimal commas, separators of thousands."""
     _, _, poses = cell
     preamble = ["Messprotokoll;Prüfer: Jörg Müller;Gerät 12", "", "Ölstand 21,5 °C"]
     path = write(tmp_path / "export.csv", [*preamble, *german(poses)], encoding)
@@ -183,7 +183,7 @@ def test_columns_without_names_and_comments(cell, plain, tmp_path, capsys) -> No
 
 
 def two(poses, folder: Path, order: np.ndarray) -> tuple[Path, Path]:
-    """Joints in one file; points in another, with names and times, in another order."""
+    """One file with joints; another one with points, names and times, in another order."""
     _, rows = stops(poses)
     robot, tracker = folder / "robot.csv", folder / "tracker.csv"
     with robot.open("w", newline="") as file:
@@ -266,7 +266,7 @@ def test_two_rows_that_want_one_are_refused(cell, tmp_path, capsys) -> None:
 
 
 def test_sums_of_columns_and_units_of_their_own(cell, plain, tmp_path, capsys) -> None:
-    """A coupled joint, a target with its deviation, heights in metres."""
+    """A coupled joint, a target plus its deviation, heights in metres."""
     _, _, poses = cell
     joint, point = DEGREES * poses.joint, 1e3 * poses.point
     target = np.round(point)
@@ -326,7 +326,7 @@ PLACES = np.array([[0.0, 0.0, 0.0], [60.0, 0.0, 10.0], [0.0, 55.0, -5.0], [-40.0
 
 
 def reflected(turn: Rotation, poses) -> tuple[list[str], np.ndarray]:
-    """Names and numbers [mm] of four reflectors on a platform that turns."""
+    """Names and coordinates [mm] of four reflectors on a platform that rotates."""
     names = [f"{axis}{k}" for k in range(4) for axis in "xyz"]
     point = 1e3 * poses.point[:, None, :]
     each = point + np.stack([turn.apply(place) for place in PLACES], axis=1)
@@ -343,7 +343,7 @@ def with_reflectors(names: list[str], places: np.ndarray = PLACES) -> dict:
 
 
 def test_several_reflectors_tell_the_turn_of_the_platform(cell, tmp_path, capsys) -> None:
-    """The point is the first's; whichever is off by more than half a millimetre is refused."""
+    """The first reflector gives the point; one that is off by more than 0.5 mm is refused."""
     _, _, poses = cell
     turn = Rotation.random(len(poses.point), np.random.default_rng(3))
     names, each = reflected(turn, poses)

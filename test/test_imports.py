@@ -1,6 +1,6 @@
-"""Imports run one way, down the layers; ROS, plotting and the command line keep to their folders.
+"""Imports go one way through the layers; ROS, plotting and command line stay in their folders.
 
-Read from the source, so that an import inside a function counts as well.
+Imports are read from the source, so imports inside functions are checked too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pytest
 PACKAGE = "delta_calibration"
 ROOT = Path(__file__).parents[1] / PACKAGE
 
-# A module may import those before it.
+# A module may import those before it in this list, and its own.
 LAYERS = [
     "errors",
     "files",
@@ -79,13 +79,13 @@ ONLY_IN = {
 
 
 def layer_of(path: Path) -> str:
-    """`ros` for ros/node.py, `chain` for chain.py, nothing for the package itself."""
+    """`ros` for ros/node.py, `chain` for chain.py, empty for the package itself."""
     name = path.relative_to(ROOT).parts[0].removesuffix(".py")
     return "" if name == "__init__" else name
 
 
 def imported_modules(tree: ast.Module, path: Path) -> Iterator[str]:
-    """Full dotted names of all that a file imports, relative imports resolved."""
+    """Full dotted names of everything that a file imports, with relative imports resolved."""
     here = [PACKAGE, *path.relative_to(ROOT).parent.parts]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -97,7 +97,7 @@ def imported_modules(tree: ast.Module, path: Path) -> Iterator[str]:
 
 
 def violations(source: str, path: Path) -> list[str]:
-    """What in the source breaks the rules for a file at this place."""
+    """Violations of the rules by this source as a file at this path."""
     tree = ast.parse(source)
     layer = layer_of(path)
     found = []

@@ -29,20 +29,20 @@ CUBE = Cube(centre=(0.1, 0.2, -0.7), side=0.4)
 
 
 def rigidly_moved(x: Array) -> Array:
-    """Turn by 0.7 rad about (1, 2, 2)/3 (Rodrigues) and shift."""
+    """Rotate by 0.7 rad about (1, 2, 2)/3 (Rodrigues) and shift."""
     k = np.array([1.0, 2.0, 2.0]) / 3.0
     turned = x * np.cos(0.7) + np.cross(k, x) * np.sin(0.7)
     turned = turned + np.multiply.outer(x @ k, k) * (1 - np.cos(0.7))
     return turned + np.array([0.3, -0.2, 1.1])
 
 
-# Positions: four attempts whose barycentre is (1, 2, 2) and whose radii are 3, 3, 5, 5:
-#   mean l = 4, S_l = sqrt((1 + 1 + 1 + 1) / 3) = sqrt(4/3) = 1.154700538
+# Positions: four attempts with barycentre (1, 2, 2) and radii 3, 3, 5, 5. Mean l = 4,
+# S_l = sqrt((1 + 1 + 1 + 1) / 3) = sqrt(4/3) = 1.154700538
 ATTEMPTS = np.array([[4.0, 2, 2], [-2, 2, 2], [1, 7, 2], [1, -3, 2]])
 
 
 def test_position_accuracy_by_hand() -> None:
-    # (1, 2, 2) less the commanded origin: sqrt(1 + 4 + 4) = 3
+    # (1, 2, 2) minus the commanded origin: sqrt(1 + 4 + 4) = 3
     result = position_accuracy(ATTEMPTS, [0.0, 0, 0], FEW)
     assert result.value == pytest.approx(3.0, abs=1e-12)
     np.testing.assert_allclose(result.offset, [1, 2, 2], atol=1e-12)
@@ -57,7 +57,8 @@ def test_position_repeatability_by_hand() -> None:
 
 
 def test_repeatability_is_of_radii_not_of_coordinates() -> None:
-    # All attempts on one sphere about their middle: radii all 1, so S_l = 0 and RP = 1.
+    # All attempts are on one sphere about their barycentre. All radii are 1:
+    # S_l = 0 and RP = 1.
     corners = np.array([[1.0, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
     assert position_repeatability(corners, FEW).value == pytest.approx(1.0, abs=1e-12)
 
@@ -91,7 +92,7 @@ def test_distance_criteria_by_hand() -> None:
     assert ad.value == pytest.approx(0.5, abs=1e-12)
     assert ad.commanded == pytest.approx(5.0)
     assert distance_repeatability(first, second, FEW).value == pytest.approx(2.5980762, abs=1e-7)
-    # too short is negative
+    # AD is negative if the attained distance is too short
     short = distance_accuracy(first, second, [[0.0, 0, 0], [6, 0, 0]], FEW)
     assert short.value == pytest.approx(-0.5, abs=1e-12)
 
@@ -108,11 +109,12 @@ def test_rigid_motion_changes_accuracy_only() -> None:
     assert distance_accuracy(a, b, ends).value == pytest.approx(
         distance_accuracy(first, second, ends).value
     )
-    assert position_accuracy(a, ends[0]).value > 0.9  # was about 3 sigma / sqrt(30)
+    assert position_accuracy(a, ends[0]).value > 0.9  # about 3 sigma / sqrt(30) before the motion
 
 
 def test_round_scatter_has_rp_of_3_62_sigma() -> None:
-    # l is Maxwell distributed: mean sqrt(8/pi), std sqrt(3 - 8/pi): 1.5958 + 3 * 0.6734 = 3.616
+    # The radius l has a Maxwell distribution: mean sqrt(8/pi), standard deviation
+    # sqrt(3 - 8/pi): 1.5958 + 3 * 0.6734 = 3.616
     sigma, poses, n = 2e-5, 100, 4000
     x = np.random.default_rng(3).normal(scale=sigma, size=(poses, n, 3))
     rp = np.mean(position_repeatability(x).value) / sigma
@@ -139,8 +141,8 @@ def along(n: int, offset: tuple[float, float, float], start: float = 0.0) -> Arr
 
 
 def test_path_criteria_by_hand() -> None:
-    # Two attempts beside the x axis, at (y, z) = (3, 0) and (0, 4) mm all along; mean (1.5, 2) mm:
-    # AT = 2.5 mm. Both lie 2.5 mm from the mean: S_l = 0, RT = 2.5 mm.
+    # Two attempts parallel to the x axis at (y, z) = (3, 0) and (0, 4) mm; mean (1.5, 2) mm:
+    # AT = 2.5 mm. Both are 2.5 mm from the mean: S_l = 0, RT = 2.5 mm.
     attempts = [along(7, (0, 3e-3, 0)), along(11, (0, 0, 4e-3))]
     at, rt = path_accuracy(LINE, attempts, FEW), path_repeatability(LINE, attempts, FEW)
     assert at.value == pytest.approx(2.5e-3, abs=1e-12)
@@ -150,7 +152,7 @@ def test_path_criteria_by_hand() -> None:
 
 
 def test_path_repeatability_spread_by_hand() -> None:
-    # Four attempts at y = 3, -3 and z = 1, -1 mm: mean 0, l = 3, 3, 1, 1: mean 2,
+    # Four attempts at y = 3, -3 and z = 1, -1 mm: barycentre 0, l = 3, 3, 1, 1 with mean 2,
     # S_l = sqrt(4 / 3) = 1.1547005; RT = 2 + 3.4641016 = 5.4641016 mm; AT = 0.
     offsets = [(0.0, 3e-3, 0.0), (0.0, -3e-3, 0.0), (0.0, 0.0, 1e-3), (0.0, 0.0, -1e-3)]
     attempts = [along(9, offset) for offset in offsets]
@@ -170,7 +172,8 @@ def test_path_accuracy_is_the_maximum_over_stations() -> None:
 def test_path_accuracy_is_blind_to_lag_along_a_line() -> None:
     lagging = along(200, (0, 0, 0), start=-0.02)
     assert path_accuracy(LINE, [lagging] * 2, FEW).value == pytest.approx(0.0, abs=1e-12)
-    # ... and to how the attempt is timed, dwells included, but not to what is beside the line
+    # Also blind to the timing of the attempt, dwells included, but not to deviations across the
+    # line
     dwelling = np.vstack([np.repeat(along(2, (0, 0, 0))[:1], 50, axis=0), along(30, (0, 0, 0))])
     assert path_accuracy(LINE, [dwelling] * 2, FEW).value == pytest.approx(0.0, abs=1e-12)
     beside = along(200, (0, 1e-3, 0), start=-0.02)
@@ -182,9 +185,9 @@ def test_run_in_and_run_out_do_not_count() -> None:
     way_out = np.linspace([1.0, 0, 0], [1.9, 0.4, 0], 40)
     attempt = np.vstack([way_in, along(50, (0, 0, 0)), way_out])
     result = path_accuracy(LINE, [attempt] * 2, Conditions("few", 2, 2, 2, stations=101))
-    assert result.value < 0.5e-2  # half a spacing, where the way in bends into the line
+    assert result.value < 0.5e-2  # half a spacing, where the run-in bends into the line
     assert np.max(result.profile[3:-3]) < 1e-12
-    # a dwell at home, then nothing until a tenth of a spacing into the path
+    # A dwell at home, then no sample until a tenth of a spacing along the path
     home = np.tile([-0.8, 0.5, 0.0], (30, 1))
     late = along(400, (0, 0, 0), start=1e-3)
     attempt = np.vstack([home, late])
@@ -193,8 +196,8 @@ def test_run_in_and_run_out_do_not_count() -> None:
 
 
 def test_noise_along_a_slow_path_does_not_pick_the_best_crossing() -> None:
-    # Samples 1 um apart with 20 um of noise: many lie near each station, and which one is nearest
-    # to the command must not matter. The deviation there keeps the noise's own variance.
+    # Samples 1 um apart with 20 um of noise: many are near each station. Which of them is nearest
+    # to the command must not matter: the deviation keeps the variance of the noise.
     rng = np.random.default_rng(4)
     x = np.linspace(0, 0.02, 20001)
     command = np.array([[0.0, 0, 0], [0.02, 0, 0]])
@@ -204,7 +207,7 @@ def test_noise_along_a_slow_path_does_not_pick_the_best_crossing() -> None:
         for _ in range(8)
     ]
     _, d = path_deviations(command, attempts, Conditions("few", 2, 2, 2, stations=41))
-    # between two samples the interpolation averages: variance 2/3 of one sample's
+    # interpolation between two samples averages them: 2/3 of the variance of one sample
     assert np.std(d[:, 1:-1, 1]) == pytest.approx(np.sqrt(2 / 3) * sigma, rel=0.15)
 
 
@@ -214,7 +217,7 @@ def test_circle_of_another_radius(small: bool) -> None:
     centre = np.asarray(CUBE.centre)
     conditions = Conditions("few", 2, 2, 2, stations=101)
     grown = centre + (CUBE.circle(stations=1001, small=small) - centre) * 1.01
-    shifted = np.vstack([grown[300:-1], grown[:301]])  # begins elsewhere on the circle
+    shifted = np.vstack([grown[300:-1], grown[:301]])  # starts at another place of the circle
     result = path_accuracy(command, [grown, shifted], conditions)
     radius = 0.016 if small else 0.16
     assert result.value == pytest.approx(0.01 * radius, rel=1e-3)
@@ -227,7 +230,7 @@ def test_lag_on_a_circle_is_seen_only_as_the_smaller_circle_it_makes() -> None:
     command = 0.16 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
     late = 0.16 * np.stack([np.cos(angle - 0.05), np.sin(angle - 0.05), 0 * angle], axis=1)
     result = path_accuracy(command, [late] * 2, Conditions("few", 2, 2, 2))
-    assert result.value < 1e-5  # a point by point difference would say 8 mm
+    assert result.value < 1e-5  # a comparison point by point would give 8 mm
 
 
 def test_path_profile_follows_a_rigid_motion() -> None:
@@ -256,7 +259,7 @@ def test_cube_poses(plane: str) -> None:
     assert np.linalg.norm(p[3] - p[1]) == pytest.approx(0.8 * diagonal)
     assert np.linalg.norm(p[4] - p[2]) == pytest.approx(0.8 * diagonal)
     np.testing.assert_allclose(p[1] + p[3], 2 * p[0], atol=1e-15)
-    # one plane, and one that halves the cube: it holds the direction of one edge
+    # All poses are in one plane that halves the cube and contains the direction of one edge
     normal = np.cross(p[1] - p[0], p[2] - p[0])
     np.testing.assert_allclose((p - p[0]) @ normal, 0.0, atol=1e-15)
     tilt = np.sort(np.abs(normal / np.linalg.norm(normal)))
@@ -264,7 +267,7 @@ def test_cube_poses(plane: str) -> None:
 
 
 def test_cube_corners_of_the_first_plane() -> None:
-    # P2 by hand: C1 = (0.3, 0.4, -0.5), a tenth of the way to C7 = (-0.1, 0.0, -0.9)
+    # P2 by hand: C1 = (0.3, 0.4, -0.5), moved by a tenth of the way to C7 = (-0.1, 0.0, -0.9)
     np.testing.assert_allclose(CUBE.poses()[1], [0.26, 0.36, -0.54], atol=1e-12)
     assert len({tuple(corner) for corner in CUBE.corners()}) == 8
 
@@ -281,7 +284,7 @@ def test_cube_paths() -> None:
         np.testing.assert_allclose(circle[0], circle[-1], atol=1e-15)
 
 
-# What is refused
+# Refusals
 
 
 def test_wrong_input_is_named() -> None:

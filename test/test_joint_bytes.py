@@ -1,4 +1,4 @@
-"""Where the numbers of a serialized JointState stand, whoever serialized it."""
+"""Positions of the numbers in a serialized JointState, whoever serialized it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from delta_calibration.cell.joint_bytes import Bytes, Layout, stamp_of
 from delta_calibration.cell.usual import wire_of
 from delta_calibration.errors import InputError
 from delta_calibration.ros.joint_intake import JointIntake
-from ros_helpers import PATIENCE_S  # noqa: F401 - what rclpy imports late is imported there
+from ros_helpers import PATIENCE_S  # noqa: F401 - imports now what rclpy would import later
 
 pytestmark = pytest.mark.ros
 NAMES = ("joint_1", "joint_2", "joint_3")
@@ -44,7 +44,7 @@ def typed(
 
 
 def swapped(message: bytes) -> bytes:
-    """The same message with the high end of every number first."""
+    """The same message with big-endian numbers."""
     layout = Layout.of(message)
     data, at = bytearray(message), 4
     data[1] = 0
@@ -60,7 +60,7 @@ def swapped(message: bytes) -> bytes:
 
     def words() -> None:
         nonlocal at
-        length = turn(4)  # before `at` is looked at: turning moves it
+        length = turn(4)  # first, because it moves `at`
         at += length
 
     turn(4), turn(4)

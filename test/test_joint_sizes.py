@@ -1,4 +1,4 @@
-"""Sizes of joint errors, given in radians of a Delta, mean the same on every mechanism."""
+"""Sizes of joint errors are given in radians of a Delta and mean the same on every mechanism."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ from delta_calibration.simulation import TrueMachine, draw_machine, simulate_ses
 
 DELTA = "srbd"
 MAPS = [(family, reach) for family in FAMILIES for reach in reaches(family)]
-MORE = {  # of the Delta's reach: many joints of an arm each add to a plane over all of them
+MORE = {  # times the Delta's displacement; a plane over the many joints of an arm adds up
     "ur10": 5.0
 }
 PLACES = 40
-BUMP = 100e-6  # [m] root mean square of the hidden structure over the plan's poses
+BUMP = 100e-6  # [m] root mean square of the hidden structure over the poses of the plan
 TRIED = ("backlash", "encoder_eccentricity", "joint_zero_drift")
 each_robot = pytest.mark.parametrize("name", known_robots())
 
 
 def conditions(name: str) -> Conditions:
-    """Poses of a plan, under conditions that are alike on all machines."""
+    """Poses of a plan, with similar conditions for all robots."""
     robot, rng = load_robot(name), np.random.default_rng(1)
     joint = make_plan("identify", robot, count=PLACES, seed=1).joint
     n, hot = len(joint), np.linspace(20.0, 30.0, len(joint))
@@ -65,7 +65,7 @@ def map_over(name: str, family: str, reach: float | None = None) -> Unexplained:
 
 
 def displacement(effect: Effect, at: Conditions) -> Array:
-    """What a unit of each parameter moves the platform by, (n, 3, k) [m]."""
+    """Displacement of the platform for a unit of each parameter, (n, 3, k) [m]."""
     mechanism, g = effect.mechanism, effect.mechanism.parameters.nominal
     slope = mechanism.velocity_jacobian(at.joint, mechanism.forward(at.joint, g), g)
     return np.asarray(slope[:, :3] @ effect.columns(at))
@@ -73,7 +73,7 @@ def displacement(effect: Effect, at: Conditions) -> Array:
 
 @cache
 def reach_of(name: str, family: str, reach: float) -> float:
-    """Root mean square displacement that a map's prior allows for [m]."""
+    """Root mean square displacement that the prior of a map allows [m]."""
     effect = map_over(name, family, reach)
     moved = displacement(effect, conditions(name)) * effect.parameters.prior
     return float(np.sqrt(np.sum(moved**2, axis=(1, 2)).mean()))
@@ -82,7 +82,7 @@ def reach_of(name: str, family: str, reach: float) -> float:
 @each_robot
 @pytest.mark.parametrize(("family", "reach"), MAPS)
 def test_maps_reach_as_far_on_every_machine(name: str, family: str, reach: float) -> None:
-    """With 300e-6 rad, a map reached 4 um on a cable robot and 600 um on a Delta."""
+    """If the size were 300e-6 rad for all, a cable robot moved by 4 um and a Delta by 600 um."""
     share = reach_of(name, family, reach) / reach_of(DELTA, family, reach)
     assert 1 / 3 < share < MORE.get(name, 3.0)
 
@@ -90,7 +90,7 @@ def test_maps_reach_as_far_on_every_machine(name: str, family: str, reach: float
 @each_robot
 @pytest.mark.parametrize("family", FAMILIES)
 def test_features_of_maps_are_of_the_order_of_one(name: str, family: str) -> None:
-    """The largest of each: a plane's over all joints, a bump's at its centre."""
+    """Largest features: those of a plane over all joints, and of a bump at its centre."""
     effect = map_over(name, family)
     largest = np.abs(effect.columns(conditions(name))).max(axis=(0, 1))
     assert largest.max() < 20.0
@@ -100,7 +100,7 @@ def test_features_of_maps_are_of_the_order_of_one(name: str, family: str) -> Non
 @each_robot
 @pytest.mark.parametrize("family", [DIRECTION, SPEED])
 def test_a_map_of_an_older_file_means_what_it_meant(name: str, family: str) -> None:
-    """It has no joint size: its features are joints and speeds as they are, its unit is rad."""
+    """Such a file has no joint size: features are plain joint values or speeds, in rad."""
     robot, at = load_robot(name), conditions(name)
     model = robot.model()
     settings = {"family": family, "size": 1e-4, "width": 0.0, "centres": ()}
@@ -135,7 +135,7 @@ def test_effects_of_joints_go_by_the_joint_size(name: str) -> None:
 
 @each_robot
 def test_motion_goes_by_the_joint_size(name: str) -> None:
-    """A joint has turned, and a path goes on where the last ended, by as much as on a Delta."""
+    """The thresholds for a reversal and for the continuation of a path are scaled likewise."""
     model = load_robot(name).model()
     size, time = model.joint_size, np.arange(3.0)
     for back, turned in ((0.9, False), (1.1, True)):
@@ -153,14 +153,14 @@ def test_motion_goes_by_the_joint_size(name: str) -> None:
 
 
 def with_bump(machine: TrueMachine, joint: Array) -> TrueMachine:
-    """The machine with a bump of `BUMP` about the middle of a plan's places, (n, m).
+    """Return the machine with a bump of `BUMP` about the middle of the poses of a plan, (n, m).
 
-    The joints' shifts are a map's, with the weights that displace the platform like that.
+    The joint errors are those of a map, with weights that displace the platform in this way.
     """
     mechanism, at = machine.chain.mechanism, at_rest(joint)
     place = mechanism.position(mechanism.forward(joint, mechanism.parameters.nominal))
     size = np.ptp(place, axis=0)
-    free = size > 0.05  # a coordinate that the plan goes through
+    free = size > 0.05  # coordinates over which the plan extends
     off = (place - place.min(axis=0) - size / 2)[:, free] / size[free]
     wanted = free * np.exp(-np.sum(off**2, axis=1) / (2 * 0.3**2))[:, None]
     any_effect = catalogue(machine.robot, mechanism)[0]
@@ -169,7 +169,7 @@ def with_bump(machine: TrueMachine, joint: Array) -> TrueMachine:
     prior = hidden.parameters.prior[0]
     flat = prior * columns.reshape(wanted.size, -1)
     normal = flat @ flat.T
-    normal += 1e-3 * np.diag(normal).mean() * np.eye(len(normal))  # smooth between the places
+    normal += 1e-3 * np.diag(normal).mean() * np.eye(len(normal))  # smooth between the poses
     weights = flat.T @ np.linalg.solve(normal, wanted.ravel()) * prior
     moved = columns @ weights
     weights *= BUMP / np.sqrt(np.sum(moved**2, axis=1).mean())
@@ -182,13 +182,13 @@ def with_bump(machine: TrueMachine, joint: Array) -> TrueMachine:
 
 @each_robot
 def test_the_same_structure_gets_the_same_verdict(name: str) -> None:
-    """A bump of 100 um that no cause explains is told, and about as large, on every machine."""
+    """A bump of 100 um without a known cause is reported with similar size on every robot."""
     robot = load_robot(name)
     plan = make_plan("identify", robot, count=PLACES, both_sides=False, seed=3)
     machine = with_bump(draw_machine(robot, 3), plan.joint)
     session = simulate_session(machine, plan, 3)
     seen = survey(session, robot.joints.names, robot.commanded.joint_size)
-    none, paths = np.zeros(0, dtype=np.intp), seen.paths  # of poses alone: fewer samples
+    none, paths = np.zeros(0, dtype=np.intp), seen.paths  # poses only: fewer samples
     seen = replace(
         seen,
         paths=replace(

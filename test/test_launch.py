@@ -1,8 +1,8 @@
-"""The launch file, as far as it can be checked without the launch package.
+"""Checks of the launch file that need no launch package.
 
-launch and launch_ros are not on PyPI. So the file is executed against a stand-in for them, and
-what it would start is held against the package's own executables; test_ros_launch.py does the same
-with parameters, and starts a cell so. Where launch is installed, the real one loads it as well.
+launch and launch_ros are not on PyPI, so the file is executed with stand-ins for them. The nodes
+that it would start are compared with the executables of the package. test_ros_launch.py checks the
+parameters and starts a cell. Where launch is installed, it loads the file as well.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ EVERYTHING = {"record": "true", "plan": "identify", "rviz": "true", "foxglove": 
 
 @pytest.fixture(name="nodes", scope="module")
 def nodes_fixture(cell: LaunchDescription) -> list[Node]:
-    """All that can be started."""
+    """All nodes that the file can start."""
     every = cell.started(**EVERYTHING) | cell.started(play="session")
     return [node for node, _ in every.values()]
 
@@ -164,7 +164,7 @@ def test_what_is_chosen_reaches_the_calibration_node(
     assert {name: values[name] for name in chosen} == {**chosen, "command_timeout_s": 0.5}
     assert node.files == [str(file)]
     node, values = cell.started()["calibration_node"]
-    assert not set(chosen) & set(values)  # the file's, or the node's own
+    assert not set(chosen) & set(values)  # left to the file or to the default of the node
     assert node.files == []
     allowed = {argument.name: argument.choices for argument in cell.arguments}
     assert allowed["method"] == ["", *METHODS]
@@ -181,7 +181,7 @@ def test_a_file_of_parameters_is_for_own_nodes_alone(
 
 
 def test_two_robots_share_no_topic_no_frame_and_no_file(cell: LaunchDescription) -> None:
-    """All nodes in the namespace, all frames with the prefix, outputs by different names."""
+    """All nodes are in the namespace, frames have the prefix, and output files differ."""
     for space in ("left", "/right/arm/"):
         name = space.strip("/")
         started = cell.started(namespace=space, **EVERYTHING)
@@ -193,7 +193,7 @@ def test_two_robots_share_no_topic_no_frame_and_no_file(cell: LaunchDescription)
         assert started["session_recorder"][1]["output"] == f"{joined}_session"
         _, links = started["robot_state_publisher"]
         assert shlex.split(links["robot_description"])[-2:] == ["--frame-prefix", f"{name}/"]
-        assert "frame_prefix" not in links  # or links would get it twice
+        assert "frame_prefix" not in links  # otherwise links would get the prefix twice
         rviz, _ = started["rviz2"]
         assert rviz.arguments[-2:] == ["-f", f"{name}/base_link"]
         assert ("/tracker/pose", f"/{name}/tracker/pose") in rviz.remappings

@@ -1,4 +1,4 @@
-"""The judge of equations, and the truths that it holds them against."""
+"""The comparison of equations with true laws, and the true laws themselves."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SINE = true(
 def said(
     equation: str, variables: str, part: str = "joint_2", stage: str = DRIVE, **values: float
 ) -> list[dict]:
-    """A law as a verdict holds it."""
+    """A law in the form of a verdict."""
     return [
         {
             "stage": stage,
@@ -113,7 +113,7 @@ def test_what_is_no_equation_is_refused(text: str, what: str):
         _ = [equation.of({"q_1": np.array([0.5])}) for equation in equations(text)]
 
 
-# --- the judge
+# --- comparison
 
 
 def test_the_right_law_is_right_in_everything():
@@ -189,7 +189,7 @@ LINE = of_joint_2("rate_j", "line", lambda s, j: 3e-3 * s[f"rate_{j}"])
 @pytest.mark.parametrize(
     ("truth", "equation", "variables", "right"),
     [
-        (CUBE, "dq_2 = 1e-7 torque_2^3", "torque_2", True),  # whatever is taken off in a line
+        (CUBE, "dq_2 = 1e-7 torque_2^3", "torque_2", True),  # a linear part makes no difference
         (CUBE, "dq_2 = 1e-7 torque_2", "torque_2", False),
         (CUBE, "dq_2 = 1e-7 sin(2 torque_2)", "torque_2", False),
         (PRODUCT, "dq_2 = 2 direction_2 payload", "direction_2 payload", True),
@@ -198,7 +198,7 @@ LINE = of_joint_2("rate_j", "line", lambda s, j: 3e-3 * s[f"rate_{j}"])
         (SPIKE, "dq_2 = 2 direction_2 exp(-travel_2 / 0.5)", "direction_2 travel_2", False),
         (LINE, "dq_2 = -2 rate_2 + 1", "rate_2", True),
         (LINE, "dq_2 = rate_2^2", "rate_2", False),
-        (LINE, "dq_2 = tanh(rate_2)", "rate_2", True),  # straight, nearly, up to 1 rad/s
+        (LINE, "dq_2 = tanh(rate_2)", "rate_2", True),  # nearly linear up to 1 rad/s
         (LINE, "dq_2 = tanh(50 rate_2)", "rate_2", False),
     ],
 )
@@ -231,7 +231,7 @@ def test_rods_are_each_by_their_own_pull():
 
 
 def test_directions_of_a_shift_do_not_matter_and_most_of_it_must_be_said():
-    """A tracker's frame is not the base's."""
+    """The frames of tracker and base differ."""
     wave = [[1e-5, 2e-5, 2e-5]]
     truth = true(
         "measurement structure",
@@ -271,7 +271,7 @@ def test_any_of_several_fair_descriptions_is_right():
     assert rights(truth, neither) == [True, True, False, False]
 
 
-# --- truths
+# --- true laws
 
 
 def test_every_kind_and_every_cause_that_is_taken_out_has_a_truth():
@@ -282,7 +282,7 @@ def test_every_kind_and_every_cause_that_is_taken_out_has_a_truth():
 
 @pytest.mark.parametrize("kind", IN_NO_CATALOGUE)
 def test_a_kinds_truth_is_what_moves_its_machine(kind: str):
-    """Its law, given what the session went through, is how drives and dimensions move."""
+    """The true law, applied to the states of a session, gives the motion of its machine."""
     trial = hidden(kind)
     truth, world, state = truth_of(trial), trial.measured.world, trial.measured.state
     assert trial.causes[0].values["kind"] == kind
@@ -311,14 +311,14 @@ def test_a_kinds_truth_is_what_moves_its_machine(kind: str):
     for name, column in moved.items():
         assert_allclose(column, np.broadcast_to(every.pop(name), column.shape), atol=1e-12)
         assert np.ptp(column) > 1e-6
-    assert all(np.abs(rest).max() < 1e-12 for rest in every.values())  # and nothing else does
+    assert all(np.abs(rest).max() < 1e-12 for rest in every.values())  # nothing else moves
     words = {variable.removesuffix("_j").partition("_j+")[0] for variable in truth.variables}
     assert {n if n.startswith("temp") else n.partition("_")[0] for n in asked} == words
 
 
 @pytest.mark.parametrize("cause", [name for name in TRUTHS if name != "tracker_drift"])
 def test_a_causes_truth_is_what_its_machine_does(cause: str):
-    """Its law, put into a machine without it, gives the readings of one that has it."""
+    """The law, put into a machine without the cause, gives the readings of a machine with it."""
     trial = hide({cause: 1.0}, 32)
     world, truth = trial.measured.world, truth_of(trial)
     given = dict(Inputs(world))
@@ -332,7 +332,8 @@ def test_a_causes_truth_is_what_its_machine_does(cause: str):
         rows = world.seen & (world.still | (world.side == 0))
         true = (trial.measured.reading - trial.measured.plain)[rows]
         said = (trial.cell.tracker.sees(world, state) - trial.measured.plain)[rows]
-        # friction builds up within 0.4 mrad of travel, and a joint's inertia is not its own alone
+        # friction builds up within 0.4 mrad of travel, and the inertia at a joint depends on
+        # others too
         most = {"stick_slip": 0.1, "dynamic_deflection": 0.3}.get(cause, 0.05)
         assert np.sum((said - true) ** 2) / np.sum(true**2) < most
 
@@ -360,7 +361,7 @@ def test_a_kind_can_be_hidden_in_one_joint_alone():
 
 
 class _Noting(dict):
-    """Inputs, and which of them were asked for."""
+    """Inputs that record which of them were read."""
 
     def __init__(self, inputs: Inputs, asked: set[str]) -> None:
         super().__init__()
@@ -372,7 +373,7 @@ class _Noting(dict):
 
 
 def test_a_law_that_is_listed_joint_by_joint_is_judged_whole():
-    """As a verdict lists it; one joint of it alone is not the law of all."""
+    """A verdict lists it like this; the law of one joint alone is not the law of all."""
     listed = [
         said(f"dq_{j} = a_{j} sin(4 q_{j})", f"q_{j}", f"joint_{j}", **{f"a_{j}": 1e-4})[0]
         for j in (1, 2, 3)

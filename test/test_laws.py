@@ -1,4 +1,4 @@
-"""Laws in symbols: their code against closures by hand, and where that code is kept."""
+"""Symbolic laws: generated code compared with closures written by hand, and its storage."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ needs_casadi = pytest.mark.skipif(
 
 
 def arm_of(joints):
-    """Seven-axis links in turn, some parallel, all numbers at random."""
+    """An arm whose links are like those of the UR10, some parallel, with random dimensions."""
     rng, plain = np.random.default_rng(joints), load_robot("ur10").dimensions
     links = tuple(
         replace(
@@ -74,14 +74,14 @@ def mechanism(request):
 
 
 def disturbed(mechanism, rng, n):
-    """Geometry of n machines: lengths off by centimetres, angles by a tenth of a radian."""
+    """Geometry of n machines with errors of centimetres and of a tenth of a radian."""
     units = np.array([p.unit for p in mechanism.parameters])
     size = np.select([units == "m", units == "rad"], [0.02, 0.1], 1e-4)
     return mechanism.parameters.nominal + size * rng.standard_normal((n, len(units)))
 
 
 def anywhere(mechanism, rng, n):
-    """Joints, poses turned by up to 3.7 rad, and geometry: nothing of it closes."""
+    """Random joints, poses (rotated by up to 3.7 rad) and geometry; the closures are not met."""
     q = mechanism.home + mechanism.joint_size * rng.uniform(-2, 2, (n, mechanism.joints))
     x = mechanism.home_pose + rng.uniform(-0.3, 0.3, (n, mechanism.pose_size))
     if mechanism.pose_size == 6:
@@ -98,11 +98,11 @@ def test_every_mechanism_is_written_twice():
 
 
 def test_closure_and_its_derivatives_are_those_by_hand(mechanism):
-    """Each sample of another geometry; turns of the platform beyond half a turn."""
+    """Each sample has another geometry; rotations of the platform exceed half a turn."""
     q, x, g = anywhere(mechanism, np.random.default_rng(1), 12)
     by_hand = BY_HAND[mechanism.name]
     real = mechanism.name == "serial_arm"  # scipy's rotations take no complex numbers
-    if real:  # at half a turn the rotation vector of what is left jumps
+    if real:  # the rotation vector of the residual jumps at half a turn
         near = np.linalg.norm(by_hand(mechanism, q, x, g)[:, 3:], axis=1) < 3.0
         q, x, g = q[near], x[near], g[near]
         assert len(q) > 6
@@ -119,7 +119,7 @@ def test_closure_and_its_derivatives_are_those_by_hand(mechanism):
 
 
 def test_points_of_the_platform_are_those_by_hand(mechanism):
-    """Place, orientation and derivatives, of turns beyond half a turn; one offset and many."""
+    """Position, orientation and derivatives, also beyond half a turn; one offset and many."""
     rng = np.random.default_rng(5)
     _, x, _ = anywhere(mechanism, rng, 12)
     offset = rng.uniform(-0.3, 0.3, (12, 3))
@@ -138,7 +138,7 @@ def test_points_of_the_platform_are_those_by_hand(mechanism):
 
 
 def test_small_turn_by_the_pose_is_that_of_the_rotation(mechanism):
-    """[dphi]x = dR R^T, the rotation by hand and its derivative by complex step."""
+    """[dphi]x = dR R^T, with the rotation by hand and its derivative by complex step."""
     _, x, _ = anywhere(mechanism, np.random.default_rng(6), 6)
 
     def rotation(v):
@@ -151,7 +151,7 @@ def test_small_turn_by_the_pose_is_that_of_the_rotation(mechanism):
 
 
 def test_jacobians_are_those_of_the_implicit_function_theorem(mechanism):
-    """By numpy's least squares; also of what follows the pose by six numbers."""
+    """Compared with numpy's pseudoinverse; also for six quantities that depend on the pose."""
     rng = np.random.default_rng(2)
     q, x, g = anywhere(mechanism, rng, 5)
     f_x, f_q, f_g = (
@@ -192,7 +192,7 @@ def test_an_arm_ends_where_scipy_says():
 
 
 def test_one_bad_sample_is_nan_alone(mechanism):
-    """Joints, task, guess or geometry that are no numbers; also infinite ones."""
+    """NaN and infinity in joints, task, guess or geometry."""
     home = np.tile(mechanism.home, (3, 1))
     g = np.tile(mechanism.parameters.nominal, (3, 1))
     x = mechanism.forward(home, g)
@@ -216,9 +216,9 @@ def test_one_bad_sample_is_nan_alone(mechanism):
 
 
 def test_what_has_another_shape_is_refused(mechanism):
-    """Compiled loops would read what lies behind it."""
+    """The compiled loops would read beyond the array."""
     q, x, g = anywhere(mechanism, np.random.default_rng(3), 3)
-    guesses = []  # where a solution in closed form needs none, it is not looked at
+    guesses = []  # a solution in closed form ignores the guess
     if not mechanism.exact:
         guesses.append(lambda: mechanism.forward(q, g[0], x[1:]))
     if mechanism.damped or mechanism.reaching is None:
@@ -253,7 +253,7 @@ def test_memory_of_any_layout_gives_the_same_and_compiles_nothing(mechanism):
 
 
 def test_threads_do_not_disturb_each_other():
-    """Fresh objects of one law, used for the first time by eight threads at once."""
+    """Eight threads use new objects of one law for the first time at the same time."""
     model = load_robot("srbd").model("six_rod_delta")
     q, x, g = anywhere(model, np.random.default_rng(5), 200)
     expected = model.identification_jacobian(q, x, g)
@@ -265,7 +265,7 @@ def test_threads_do_not_disturb_each_other():
 
 
 def test_a_mechanism_that_was_used_goes_to_another_process():
-    """Its addresses do not: they would be those of something else there."""
+    """Addresses of machine code are not pickled; they are not valid in another process."""
     model = load_robot("srbd").model("six_rod_delta")
     before = model.forward(np.zeros((1, 3)), model.parameters.nominal)
     script = (
@@ -286,7 +286,7 @@ def test_a_mechanism_that_was_used_goes_to_another_process():
 
 @needs_casadi
 def test_generated_files_are_those_of_the_laws():
-    """Else: `make laws`. Of another version of CasADi, what they compute has to be the same."""
+    """If not, run `make laws`. With another version of CasADi only the results have to agree."""
     folder = laws.folder()
     assert {path.stem for path in folder.glob("*.py")} == {"__init__", *PACKAGE}
     alike = said_alike if version("casadi") == generated.CASADI else computed_alike
@@ -325,7 +325,7 @@ def test_a_law_that_was_edited_is_noticed_in_either_way():
 
 @needs_casadi
 def test_generated_files_are_the_same_in_every_process(tmp_path):
-    """Names and their order do not hang on how Python hashes."""
+    """Names and their order do not depend on the hash seed of Python."""
     names = ("six_rod_delta", "serial_arm_3_opening", "cable_robot_body")
     script = (
         "import sys; from pathlib import Path; from delta_calibration import laws\n"
@@ -357,7 +357,7 @@ def test_writing_says_what_changed_and_removes_what_is_no_law(tmp_path):
 
 
 def run_by_python(law, workspace):
-    """The generated file as a program of Python, numpy's functions in the place of LLVM's."""
+    """Run the generated file as Python, with numpy's functions instead of LLVM's."""
     text = (laws.folder() / f"{law.name}.py").read_text(encoding="utf-8")
     return run_text(text, workspace)
 
@@ -416,7 +416,7 @@ def test_machine_code_does_what_the_generated_file_says(name):
 
 
 def one_of_three_lanes(law, start):
-    """The workspace as it would be of the second lane alone; the others are moved."""
+    """Workspace of the second of three lanes; the other lanes have other inputs."""
     size, (first, last) = law.compiled.size, own_slots(law, law.lanes)
     begin, end = own_slots(law, "f")
     lanes = start[first:last, None] + [0.3, 0.0, -0.2]
@@ -435,7 +435,7 @@ def own_slots(law, name):
 
 
 def test_near_and_full_agree():
-    """What Newton's steps see is what the Jacobians are made of."""
+    """Newton's steps use the same values as the Jacobians."""
     model = load_robot("srbd").model("six_rod_delta")
     q, x, g = anywhere(model, np.random.default_rng(7), 4)
     near, full = (model._closed(q, x, g, derivatives=some) for some in (False, True))
@@ -443,7 +443,7 @@ def test_near_and_full_agree():
     np.testing.assert_array_equal(near[1], full[1])
 
 
-# --- laws of others
+# --- laws of users
 
 VOCABULARY = {
     "sin": (lambda v: symbols.sin(v[0]), lambda a, b: np.sin(a)),
@@ -571,7 +571,7 @@ WITHOUT_CASADI = "import sys; sys.modules['casadi'] = None\n"
 
 @pytest.fixture
 def user(tmp_path, monkeypatch):
-    """A program of a user with a mechanism of two files, and its folder of laws."""
+    """A user's program with a mechanism in two files, and a folder for its laws."""
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "lengths.py").write_text(LENGTHS.format(more=0.0))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -596,10 +596,10 @@ def test_a_law_of_a_user_is_generated_once(user):
     (name,) = kept(user)
     path = user / "cache/delta_calibration/laws" / name
     written = path.stat()
-    assert run_user(WITHOUT_CASADI).stdout == first  # and so loaded
+    assert run_user(WITHOUT_CASADI).stdout == first  # so it was loaded
     assert path.stat().st_mtime_ns == written.st_mtime_ns
     (user / "lengths.py").write_text(LENGTHS.format(more=0.1))
-    assert run_user().stdout != first  # an edit of what it only calls changes it as well
+    assert run_user().stdout != first  # a change of a called function counts as well
     assert len(kept(user)) == 2
 
 
@@ -642,7 +642,7 @@ def test_missing_casadi_is_an_error_of_configuration(monkeypatch):
 
 @needs_casadi
 def test_where_nothing_can_be_kept_laws_are_still_generated(user, monkeypatch):
-    """A folder that cannot be made: a file stands in its place."""
+    """The folder cannot be made because a file has its name."""
     expected = run_user().stdout
     (user / "file").write_text("")
     monkeypatch.setenv("XDG_CACHE_HOME", str(user / "file"))
@@ -654,7 +654,7 @@ def test_where_nothing_can_be_kept_laws_are_still_generated(user, monkeypatch):
 
 @needs_casadi
 def test_a_subclass_of_the_same_name_has_its_own_law(tmp_path, monkeypatch):
-    """Another closure, or limbs of another size, under the name of one of the package."""
+    """A subclass with another closure, or with limbs of another size, keeps the name."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     robot = load_robot("srbd")
 
@@ -691,20 +691,20 @@ def test_a_law_that_cannot_be_generated_is_refused(express, said):
         Law("wrong", (("x", 1),), 1, express).source()
 
 
-# --- installing
+# --- installation
 
 
 def machine_code(said):
-    """Files of machine code that a process of numba has read or written."""
+    """Files of machine code that a process has loaded or saved."""
     return {*re.findall(r"^\[cache\] data (?:loaded from|saved to) '(.+)'$", said, re.MULTILINE)}
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(1200)  # where the tests are the first to run, everything is compiled here
+@pytest.mark.timeout(1200)  # compiles everything if it is the first test to run
 def test_after_installing_nothing_is_left_to_compile(tmp_path):
-    """`make install` ends with it; a fit of a session then needs no other machine code.
+    """`make install` compiles last; a later fit of a session needs no further machine code.
 
-    Told by names, so that it is the same whether that was compiled before or is compiled now.
+    Files are compared by name, so the result does not depend on whether they existed before.
     """
     own = {**os.environ, "NUMBA_DEBUG_CACHE": "1"}
 
@@ -729,5 +729,5 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     assert "data saved" not in simulated + fitted
     assert machine_code(fitted)
     assert machine_code(simulated + fitted) <= machine_code(warmed)
-    # what a cell's first command needs
+    # needed by the first command in a cell
     assert any("usual_kernel.follow" in file for file in machine_code(warmed))

@@ -1,4 +1,4 @@
-"""Where generated laws of users' own are kept: by what they say, not by what they are called."""
+"""Generated laws of users are stored by their content, not by their name."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def value(express, q=2.0):
-    """What a law of one number gives there."""
+    """Value of a law with one number at q."""
     law = Law("own", X, 1, express)
     found, none = np.zeros((1, 1)), np.zeros((1, 0))
     at = np.array([law.offsets[name] for name in ("q", "g", "c", "f")])
@@ -47,7 +47,7 @@ def scaled(factor, q, g, c):
 
 
 class Gear:
-    """A law that is a method goes by what its object holds."""
+    """A law that is a method depends on the attributes of its object."""
 
     def __init__(self, ratio):
         self.ratio = ratio
@@ -89,7 +89,7 @@ def test_a_law_that_calls_itself_has_an_end():
 
 
 def test_what_is_typed_in_goes_by_what_it_says(folder):
-    """No file tells what its function `gear` is at the moment."""
+    """Without a source file, the content of the called function `gear` has to be compared."""
     names = {}
     for ratio, expected in ((3.0, 6.0), (5.0, 10.0)):
         text = f"def gear(q):\n    return {ratio} * q\ndef law(q, g, c):\n    return gear(q)\n"
@@ -121,7 +121,7 @@ print(value(law))
     ],
 )
 def test_an_edit_of_a_number_that_is_imported_is_noticed(how, name, tmp_path):
-    """A number does not say where it comes from; the import does."""
+    """A number does not know its module; the import statement does."""
     (tmp_path / "mine.py").write_text(MINE.format(how=how, name=name))
     package = tmp_path / "parts"
     package.mkdir()
@@ -143,7 +143,7 @@ def test_an_edit_of_a_number_that_is_imported_is_noticed(how, name, tmp_path):
 
 
 def test_a_full_disk_is_no_reason_to_stop(folder, monkeypatch):
-    """What cannot be kept is generated for this process; nothing half written is left."""
+    """The law is still generated for this process, and no partial file is left."""
 
     def full(text, path, write=library._write):
         if path.parent == folder:
@@ -174,7 +174,7 @@ def twice(value):
 
 
 def test_machine_code_of_another_version_is_made_anew(tmp_path: Path) -> None:
-    """What names a class that is gone cannot even be loaded, to see that it is stale."""
+    """A cache index that names a missing class cannot be unpickled to see that it is stale."""
     path = tmp_path / "kept_before.py"
     path.write_text(KEPT)
     run = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import kept_before as k; "

@@ -1,4 +1,4 @@
-"""Linear Delta: on its drawing, reach, what heights and distances can say."""
+"""Linear Delta: nominal positions, reach, and what heights and distances can identify."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ def carriages(rng, n):
 
 
 def test_on_the_drawing(delta):
-    """Carriages at their endstops hold the platform at its height, over the middle."""
+    """With the carriages at their endstops the platform is centred at its nominal height."""
     g = delta.parameters.nominal
     x = delta.forward(np.array([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]]), g)
     np.testing.assert_allclose(x, [[0, 0, 0.415], [0, 0, 0.315]], atol=1e-14)
 
 
 def test_arms_have_their_lengths(delta):
-    """Pythagoras from each tower to the platform, by the towers' places in plain numbers."""
+    """Pythagoras from each tower to the platform, with the tower positions as plain numbers."""
     rng = np.random.default_rng(1)
     q = carriages(rng, 20)
     x = delta.forward(q, delta.parameters.nominal)
@@ -57,7 +57,7 @@ def test_out_of_reach_is_nan_alone_and_refused_by_name(delta):
 
 
 def test_condition_grows_where_an_arm_lies_level(delta):
-    """There the carriage cannot move the platform along the arm any more."""
+    """There the carriage cannot move the platform along the arm."""
     g = delta.parameters.nominal
     level = np.array([[0.0, -(0.345 - 0.160) + 1e-6, 0.1]])
     q = delta.inverse(np.concatenate([level, [[0.0, 0.0, 0.1]]]), g)
@@ -85,7 +85,7 @@ def test_nine_of_ten_show_in_heights_and_distances(delta):
 
 
 def circle_through(foot):
-    """Middle (..., 2) of the circle through three feet (..., 3, 2), and the spokes from it."""
+    """Centre (..., 2) of the circle through three feet (..., 3, 2), and the radii to the feet."""
     across, square = 2 * np.diff(foot, axis=-2), np.diff(np.sum(foot**2, axis=-1))
     middle = np.linalg.solve(across, square[..., None])[..., 0]
     return middle, foot - middle[..., None, :]
@@ -96,20 +96,20 @@ def feet(radius, angle):
 
 
 def test_towers_have_their_tolerances_on_the_circle_through_them():
-    """Each tower is off by its own radius and direction; what the circle's directions then do."""
+    """Each tower has its own error of radius and direction; check the directions on the circle."""
     rng, drawn = np.random.default_rng(7), np.radians([210.0, 330.0, 90.0])
     radius, turn = rng.normal(0.160, 1e-3, (20000, 3)), rng.normal(0.0, 5e-3, (20000, 3))
     _, spoke = circle_through(feet(radius, drawn + turn))
     off = np.arctan2(spoke[..., 1], spoke[..., 0]) - drawn
     off = np.mod(off + np.pi, 2 * np.pi) - np.pi
-    shape = off - off.mean(axis=1, keepdims=True)  # all together only turn the base
+    shape = off - off.mean(axis=1, keepdims=True)  # the mean only rotates the base
     delta = LinearDelta(DRAWING, LinearDeltaTolerances(1e-3, 5e-3, 1e-3, 1e-3))
     expected = delta.parameters.prior[1:4]
     np.testing.assert_allclose(np.sqrt(np.sum(shape**2, axis=1).mean() / 2), expected, rtol=0.02)
 
 
 def test_three_radii_are_one_and_a_shift_of_the_base():
-    """Towers moved singly still stand on a circle: distances follow from one radius and angles."""
+    """Displaced towers are still on a circle; one radius and the angles give the distances."""
     rng = np.random.default_rng(6)
     angle, radius = np.radians([210.0, 330.0, 90.0]), np.array([0.1612, 0.1590, 0.1604])
     foot = feet(radius, angle)

@@ -1,4 +1,4 @@
-"""Every link from a page to a file of the repository leads somewhere."""
+"""Every relative link in a page leads to an existing file."""
 
 from __future__ import annotations
 

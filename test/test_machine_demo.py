@@ -1,4 +1,4 @@
-"""The demonstration of machines that need no ROS, and the camera over a SCARA's plane."""
+"""The demonstration with robots that need no ROS, and the camera above the plane of a SCARA."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def test_a_scara_is_driven_right_by_a_camera(capsys) -> None:
     figures = positioned_by_camera(draw_machine(robot, 7), robot.camera, 7)
     before, after = figures["before"], figures["after"]
     assert after["mean_mm"] < 0.15 * before["mean_mm"]
-    assert after["max_mm"] < 0.1  # a unit of 0.01 degree is up to 0.17 mm at 1 m
+    assert after["max_mm"] < 0.1  # a step of 0.01 degree is up to 0.17 mm at 1 m
     assert figures["moves_mean"] < 40
     assert "no model" in capsys.readouterr().out
 
@@ -58,7 +58,7 @@ RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹−", "-0123456789-", "\u2
 
 
 def hidden_values(said: str) -> list[list[float]]:
-    """Truth, found, and both ends of its interval, of each value that a demonstration tells."""
+    """True value, found value and both ends of the interval, for each value in the output."""
     rows = said.partition("95 % interval\n")[2].partition("\n\n")[0].splitlines()
     cells = (re.split(r" {2,}| to ", row)[2:] for row in rows)
     return [[float(c.translate(RAISED).replace(" × 10", "e")) for c in row] for row in cells]

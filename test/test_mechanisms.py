@@ -1,4 +1,4 @@
-"""Every registered mechanism: closure, derivatives, inverse problems, reach, singularities."""
+"""Every registered mechanism: closure, derivatives, inverse kinematics, reach, singularities."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def mechanism(request):
 
 @pytest.fixture
 def by_hand(mechanism):
-    """Its closure written a second time, in numpy: of joints, pose and geometry."""
+    """Independent closure in numpy, a function of joints, pose and geometry."""
     return partial(BY_HAND[mechanism.name], mechanism)
 
 
@@ -41,7 +41,7 @@ def delta(request):
 
 
 def joints_in_workspace(rng, n):
-    """Of a Delta, (n, 3) [rad]."""
+    """Joint angles of a Delta, (n, 3) [rad]."""
     return rng.uniform(-0.3, 1.2, (n, 3))
 
 
@@ -71,7 +71,7 @@ def test_the_platform_hangs_under_the_base(delta):
 
 
 def test_closure_derivatives_against_complex_step(mechanism, by_hand):
-    """Those of the closure by hand; of an arm, whose turns are scipy's, by differences."""
+    """Derivatives of the closure by hand; differences for an arm (rotations of scipy)."""
     rng = np.random.default_rng(3)
     g = machine(mechanism, rng)
     q, x = places(mechanism, g, rng, 7)
@@ -131,10 +131,10 @@ def test_out_of_reach_is_nan_alone_and_refused_by_name(delta):
 
 
 def test_condition_grows_at_a_singularity(delta):
-    """Going down from home the legs stretch until no joint can lower the platform any further."""
+    """Below home the legs stretch until no joint can lower the platform any further."""
     mechanism = delta
     g = mechanism.parameters.nominal
-    deepest = -np.sqrt((0.32 + 0.85) ** 2 - 0.145**2)  # arm and forearm in line
+    deepest = -np.sqrt((0.32 + 0.85) ** 2 - 0.145**2)  # arm and forearm are in line
     targets = np.array(
         [[0.0, 0.0, -0.711], [0.0, 0.0, deepest + 1e-7], [0.0, 0.0, deepest - 1e-6]]
     )
@@ -148,12 +148,12 @@ def test_condition_grows_at_a_singularity(delta):
 
 
 def test_home_and_line_of_the_paper_on_the_drawing():
-    """Arms level at z = -711 mm; the line takes the joints from -24 to +94 degrees."""
+    """Arms level at z = -711 mm; on the line the joints go from -24 to +94 degrees."""
     delta = RotaryDelta(SRBD, TOLERANCES)
     g = delta.parameters.nominal
     home = delta.forward(np.zeros((1, 3)), g)
     np.testing.assert_allclose(home, [[0, 0, -np.sqrt(0.85**2 - 0.465**2)]], atol=1e-12)
-    assert abs(home[0, 2] + 0.711) < 1e-3  # the paper rounds to whole millimetres
+    assert abs(home[0, 2] + 0.711) < 1e-3  # the paper rounds to millimetres
     x = np.linspace(-0.45, 0.45, 181)
     line = np.stack([x, -x, np.full_like(x, -0.711)], axis=1)
     q = np.degrees(delta.inverse(line, g))
@@ -163,7 +163,7 @@ def test_home_and_line_of_the_paper_on_the_drawing():
 
 
 def test_arms_point_outward_in_every_quadrant():
-    """The elbow is farther out than the line from hinge to platform joint, all around the disc."""
+    """The elbow is outside the line from hinge to platform joint, all around the disc."""
     delta = RotaryDelta(SRBD, TOLERANCES)
     g = delta.parameters.nominal
     turn = np.linspace(0, 2 * np.pi, 73)
@@ -172,9 +172,9 @@ def test_arms_point_outward_in_every_quadrant():
     for leg in range(3):
         eta = 2 * np.pi * leg / 3
         out = np.array([np.cos(eta), np.sin(eta), 0])
-        radial, depth = targets @ out - 0.145, -targets[:, 2]  # platform joint from the hinge
+        radial, depth = targets @ out - 0.145, -targets[:, 2]  # platform joint minus hinge
         across = np.sin(q[:, leg]) * radial - np.cos(q[:, leg]) * depth
-        assert (across < 0).all()  # elbow outside and above the chord
+        assert (across < 0).all()  # the elbow is outside and above the line
 
 
 def test_six_equal_rods_are_three_spheres():
@@ -187,7 +187,7 @@ def test_six_equal_rods_are_three_spheres():
 
 
 def test_unequal_rods_tilt_by_mismatch_over_width():
-    """A pair differing by m over a width b turns the platform by about m / b."""
+    """A pair of rods that differ by m over a width b tilts the platform by about m / b."""
     six = SixRodDelta(SRBD, TOLERANCES)
     g = six.parameters.vector([("rod_mismatch_1", 0.1e-3)])
     x = six.forward(np.zeros((1, 3)), g)
@@ -201,12 +201,12 @@ def rank(jacobian):
     values = np.linalg.svd(matrix / np.where(norms > 0, norms, 1), compute_uv=False)
     assert not (
         (values > 1e-11 * values[0]) & (values < 1e-6 * values[0])
-    ).any()  # the gap is clear
+    ).any()  # no singular values in between
     return int((values > 1e-9 * values[0]).sum())
 
 
 def rigid_motion(points):
-    """Derivative of T p by the six coordinates of T at identity, (n, 3, 6)."""
+    """Derivative of T p with respect to the six coordinates of T at identity, (n, 3, 6)."""
     columns = [np.cross(np.eye(3)[k], points) for k in range(3)]
     return np.concatenate(
         [np.stack(columns, -1), np.broadcast_to(np.eye(3), (len(points), 3, 3))], -1
@@ -214,7 +214,7 @@ def rigid_motion(points):
 
 
 def test_identifiable_combinations():
-    """24 for three spheres (18 beside a free frame); six rods: 36 in the pose, 33 in positions."""
+    """Three spheres: 24 (18 with a free frame). Six rods: 36 from poses, 33 from positions."""
     rng = np.random.default_rng(7)
     q = joints_in_workspace(rng, 120)
     three, six = RotaryDelta(SRBD, TOLERANCES), SixRodDelta(SRBD, TOLERANCES)

@@ -1,4 +1,4 @@
-"""Every method of fitting on every robot: the same problem, the same answer, the same errors."""
+"""All fitting methods on all robots solve the same problem with the same result and errors."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 
 SWARMS = ("stepwise_qpso", "qpso", "apso", "pso")
-CONVERGE = ("least_squares", "alternating", "stepwise_qpso")  # to the least of the problem
+CONVERGE = ("least_squares", "alternating", "stepwise_qpso")  # these reach the minimum
 
 
 def small(name):
-    """A method with a budget for tests."""
+    """A method with a small budget."""
     return method_named(name, 12, 8) if name in SWARMS else method_named(name)
 
 
@@ -78,12 +78,12 @@ def rng():
 @pytest.mark.parametrize("name", known_robots())
 @pytest.mark.parametrize("method", CONVERGE[1:])
 def test_what_converges_comes_to_the_least_of_least_squares(name, method):
-    """By the cost of the problem itself; in turn, what only priors set lags behind."""
+    """By the cost of the problem; `alternating` is slower where only priors determine unknowns."""
     fit = method_named(method).fit(problem_of(name), rng(), lambda _: None)
     lag = {"alternating": 20.0, "stepwise_qpso": 0.5}[method]
     assert fit.solution.cost < least(name).cost + lag
     missed, best = fit.solution.residual, least(name).residual
-    assert np.sqrt(np.mean((missed - best) ** 2)) < 0.3  # of the noise
+    assert np.sqrt(np.mean((missed - best) ** 2)) < 0.3  # in units of the noise
 
 
 @pytest.mark.parametrize("name", known_robots())
@@ -97,14 +97,14 @@ def test_a_plain_swarm_lowers_the_cost_and_stays_in_its_box(name, method):
 
 
 def squares(solution):
-    """Of residuals and priors, by the stated noise and without a loss."""
+    """Sum of squares of residuals and priors, with the stated noise and without robust loss."""
     priors = solution.z[solution.problem.has_prior]
     return np.sum(solution.residual**2) + np.sum(priors**2)
 
 
 @pytest.mark.parametrize("name", known_robots())
 def test_the_error_model_is_the_problem_near_its_least(name):
-    """Its norm squared is the sum of squares, to second order in the way from where it is made."""
+    """The square of its norm is the sum of squares, to second order in the distance."""
     problem, best = problem_of(name), least(name)
     line = error_model(problem, best.z, 1.0)
     way = 1e-3 * rng().standard_normal(len(best.z))
@@ -172,7 +172,7 @@ def test_a_knocked_reflector_does_no_harm_in_turn_or_by_a_swarm():
         assert np.abs(fit.solution.theta - least("scara").theta)[:14].max() < 1e-3
 
 
-# What a session cannot answer, by each method
+# Sessions that determine no solution, by each method
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -194,7 +194,7 @@ def test_poses_on_a_line(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_singular_pose(method):
-    """Three level arms: the platform is free to fall, and no joint says how far."""
+    """With three level arms no joint determines the height of the platform."""
     robot, poses = measured("linear_delta")
     flat = replace(robot.dimensions, arm=robot.dimensions.radius * (1 + 1e-10))
     with pytest.raises(SingularityError, match=r"pose 1 is singular: .* under 1 m is allowed"):
@@ -207,7 +207,7 @@ def test_a_singular_pose(method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_cables_that_contradict_each_other(method):
-    """Eight cables for six freedoms: one motor that has lost its zero fits no pose."""
+    """Eight cables for six degrees of freedom: no pose fits if one motor has lost its zero."""
     robot, poses = measured("cdpr8")
     joint = poses.joint.copy()
     joint[:, 0] += 60.0
@@ -216,7 +216,7 @@ def test_cables_that_contradict_each_other(method):
 
 
 def test_in_turn_says_where_it_does_not_come_to_rest():
-    """Two unknowns that do almost the same."""
+    """Two unknowns with nearly the same effect."""
     line = LinearResidual(np.array([[1.0, 0.999], [0.0, 0.01]]), np.array([1.0, 1.0]), 0.0)
     first = np.array([True, False])
     with pytest.raises(DataError, match=r"still move by .* after 20 rounds; under 1e-05"):

@@ -1,4 +1,4 @@
-"""How joints moved, and what depends on it: against motions whose derivatives are known."""
+"""Motion of the joints and effects that depend on it, compared with known derivatives."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ MACHINE = SixRods()
 
 
 def there_and_back(corners, step=1e-4):
-    """Angles from corner to corner, how far from the last one, and which way, each (n,)."""
+    """Angles from corner to corner, distance from the last corner, and direction, each (n,)."""
     legs = []
     for a, b in pairwise(corners):
         angle = np.linspace(a, b, round(abs(b - a) / step), endpoint=False)
@@ -50,7 +50,7 @@ def strokes_of(angle, rate=100.0):
 
 @pytest.mark.parametrize("rate", [10.0, 50.0, 200.0, 1000.0])
 def test_speed_and_acceleration_are_the_derivatives(rate: float) -> None:
-    """Of a line and of a parabola to rounding, to the ends; of a circle's swing nearly."""
+    """Exact for a line and a parabola up to the ends, and approximate for a sine."""
     time = np.arange(0.0, 3.0, 1 / rate)
     swing = 0.3 * np.sin(3 * time)
     motion = motion_of(time, np.column_stack([0.7 * time, 0.4 - 0.5 * time**2, swing]))
@@ -64,7 +64,7 @@ def test_speed_and_acceleration_are_the_derivatives(rate: float) -> None:
 
 @pytest.mark.parametrize("lost", [0.02, 0.1, 0.3])
 def test_a_lost_message_changes_no_speed(lost: float) -> None:
-    """Stamps say when a command was; that one of them is missing is no haste."""
+    """Speeds follow from the stamps; a missing message does not make the motion faster."""
     rng, time = np.random.default_rng(1), np.arange(0.0, 4.0, 0.02)
     time = time[rng.random(len(time)) >= lost]
     motion = motion_of(time, np.column_stack([0.7 * time, -0.1 * time, 0 * time]))
@@ -86,7 +86,7 @@ def test_no_speed_leads_across_a_pause_and_the_side_is_kept() -> None:
     motion = motion_of(time, angle[:, None])
     np.testing.assert_allclose(motion.velocity[:, 0], [0.5] * 20 + [-0.5] * 20, atol=1e-9)
     np.testing.assert_allclose(motion.acceleration, 0.0, atol=1e-6)
-    assert motion.direction[19, 0] == motion.direction[20, 0] == 1.0  # it went up to 0.8 then
+    assert motion.direction[19, 0] == motion.direction[20, 0] == 1.0  # the angle reached 0.8
     assert motion.direction[-1, 0] == -1.0
     assert motion.travel[-1, 0] == pytest.approx(0.8 - angle[-1])
 
@@ -97,7 +97,7 @@ def test_direction_and_travel_of_a_way_there_and_back() -> None:
     gone_on, first = gone > 1e-9, np.arange(len(angle)) < 2000
     np.testing.assert_array_equal(direction[gone_on & ~first], way[gone_on & ~first])
     np.testing.assert_allclose(travel[gone_on & ~first], gone[gone_on & ~first], atol=1e-12)
-    assert np.isinf(travel[first]).all()  # nobody knows from where it came
+    assert np.isinf(travel[first]).all()  # the previous reversal is not known
     np.testing.assert_array_equal(direction[first], gone[first] > TURNED - 1e-9)
 
 
@@ -110,7 +110,7 @@ def test_a_joint_that_never_moves_has_no_side() -> None:
 
 @pytest.mark.parametrize(("back", "turned"), [(0.9 * TURNED, False), (1.1 * TURNED, True)])
 def test_a_joint_has_turned_beyond_the_noise_of_its_encoder(back: float, turned: bool) -> None:
-    """Measured from the farthest point, however it was reached."""
+    """The threshold counts from the farthest point, however that was reached."""
     rng = np.random.default_rng(2)
     angle = np.r_[np.linspace(0, 0.1, 300) - rng.uniform(0, 0.9 * TURNED, 300), 0.1, 0.1 - back]
     direction, travel = strokes_of(angle)
@@ -120,7 +120,10 @@ def test_a_joint_has_turned_beyond_the_noise_of_its_encoder(back: float, turned:
 
 
 def test_the_side_depends_on_the_way_and_not_on_the_samples() -> None:
-    """More samples along it, held ones, another zero, a mirror; what comes later tells turns."""
+    """More samples, repeated samples, another zero and a mirror image make no difference.
+
+    A live stream knows the samples so far only and may see a reversal later, by up to TURNED.
+    """
     rng = np.random.default_rng(3)
     corners = np.cumsum(rng.normal(0, 2e-3, 200))
     direction, travel = strokes_of(corners)
@@ -145,13 +148,13 @@ def test_the_side_depends_on_the_way_and_not_on_the_samples() -> None:
 
 
 def test_a_turn_begins_at_the_farthest_point_and_not_where_it_shows() -> None:
-    """Held at the turn, and back by less than shows: the samples there have gone back already."""
+    """Samples after the turning point belong to the new direction before it is certain."""
     angle = np.r_[0.0, 0.05, 0.1, 0.1, 0.1 - 0.3 * TURNED, 0.1 - 0.9 * TURNED, 0.1 - 2 * TURNED]
     direction, travel = strokes_of(angle)
     np.testing.assert_array_equal(direction, [0, 1, 1, 1, -1, -1, -1])
     np.testing.assert_allclose(travel[4:], [0.3 * TURNED, 0.9 * TURNED, 2 * TURNED], atol=1e-12)
     unfinished = strokes_of(angle[:-1])
-    np.testing.assert_array_equal(unfinished[0], [0, 1, 1, 1, 1, 1])  # it may go on again
+    np.testing.assert_array_equal(unfinished[0], [0, 1, 1, 1, 1, 1])  # it may go on
 
 
 def test_between_samples_the_last_side_and_the_nearest_speed_hold() -> None:
@@ -169,7 +172,7 @@ def test_between_samples_the_last_side_and_the_nearest_speed_hold() -> None:
 
 
 def made(**streams):
-    """Stops on both sides of a sweep, read ten times a second by something smooth."""
+    """Stops on both sides of a sweep; a smooth function of the joints is read at 10 Hz."""
     corners = [0.1, 0.1, 0.4, 0.4, 0.05, 0.05, 0.3, 0.3]
     angle = np.concatenate([np.linspace(a, b, 30, endpoint=False) for a, b in pairwise(corners)])
     q = angle[:, None] * [1.0, -0.5, 0.25]
@@ -186,7 +189,7 @@ def made(**streams):
 
 
 def taken(stream, rows):
-    """Rows of a stream, in that order."""
+    """Rows of a stream, in this order."""
     n = len(stream.stamp_ns)
     own = {f.name: getattr(stream, f.name) for f in fields(stream)}
     arrays = {k: v[rows] for k, v in own.items() if isinstance(v, np.ndarray) and len(v) == n}
@@ -214,7 +217,7 @@ def test_messages_out_of_order_or_twice_are_of_the_same_motion() -> None:
 
 
 def test_no_sample_of_a_path_is_of_two_directions() -> None:
-    """Play differs by all of it on the two sides of a turn: a mean across one is of neither."""
+    """Backlash has opposite signs on both sides of a turn; a mean would be wrong for both."""
     time = np.arange(0.0, 30.0, 0.02)
     phase = 0.3 * np.clip(time - 5.0, 0.0, None)[:, None] + [0.0, 2.0, 4.0]
     q = 0.2 + 0.1 * np.sin(phase)
@@ -232,7 +235,7 @@ def test_no_sample_of_a_path_is_of_two_directions() -> None:
 
 
 def test_conditions_of_a_path_are_those_of_its_motion() -> None:
-    """Speed, side and travel from the commands; NaN for the payload until one was said."""
+    """Speed, side and travel follow from the commands; the payload is NaN until it is stated."""
     paths = survey(made(), NAMES).paths.conditions
     speed = {1.0: 0.3 / 3, -1.0: -0.35 / 3, 0.0: 0.25 / 3}
     way = np.sign(paths.velocity[:, 0])
@@ -260,11 +263,11 @@ def test_samples_are_taken_and_joined_as_rows() -> None:
     assert replace(whole, time=whole.time + 5).fingerprint() == whole.fingerprint()
 
 
-# What depends on motion
+# Effects that depend on motion
 
 
 def predicted(effects, values, at):
-    """Platform's centre by the chain with these effects of these sizes, (n, 3) [m]."""
+    """Centre of the platform by the chain with effects of these sizes, (n, 3) [m]."""
     chain = Chain(ROBOT.model(), np.zeros(3), 0.05, tuple(effects))
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
     theta[chain.layout.effects] = values
@@ -281,7 +284,7 @@ TIMES = np.linspace(0.0, 6.0, 41)
 
 
 def swing(t):
-    """Joints on a smooth motion at a time or at times."""
+    """Joint values of a smooth motion at one time or several."""
     return MIDDLE + SIZE * np.sin(np.asarray(t)[..., None] * RATE + PHASE)
 
 
@@ -293,7 +296,7 @@ def swinging():
 
 @pytest.mark.parametrize("latency", [-8e-3, 4e-3, 8e-3])
 def test_a_late_stamp_is_the_place_of_a_moment_before(latency: float) -> None:
-    """To the second order: what is left is the curve of the way."""
+    """To second order; the difference is the curvature of the path."""
     late = [effect("timestamp_latency")]
     seen = predicted(late, [latency], swinging())
     there, now, h = MACHINE.point(swing(TIMES - latency)), MACHINE.point(swing(TIMES)), 1e-3
@@ -306,7 +309,7 @@ def test_a_late_stamp_is_the_place_of_a_moment_before(latency: float) -> None:
 
 
 def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
-    """T dq/dt = command - q, once it has swung in; to the second order in T."""
+    """T dq/dt = command - q after the transient, to second order in T."""
     at = swinging()
     for lag in (4e-3, 2e-3):
         servo = solve_ivp(
@@ -325,7 +328,7 @@ def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
 
 
 def test_a_burst_of_held_up_commands_is_survived() -> None:
-    """Ten commands that were held up come within 20 us; what lies apart from them stays right."""
+    """Ten delayed commands arrive within 20 us; speeds away from them stay correct."""
     time = np.arange(200) * 0.01
     joint = np.column_stack([0.3 * np.sin(time), 0.2 * time, np.full(200, 0.1)])
     held = time.copy()

@@ -1,4 +1,4 @@
-"""msg_docs/ against the code: a page for each topic and service, with what the nodes really do."""
+"""msg_docs/ compared with the nodes: a page for each topic and service, with correct contents."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ def ends_of(every: set[End], page: str) -> list[End]:
 
 
 def table_of(ends: list[End]) -> str:
-    """The rows that a page has to have."""
+    """Table rows that a page has to contain."""
     rows = [f"| `{e.node}` | {e.direction} | {e.qos or '-'} |" for e in ends]
     return "\n".join([*HEAD, *rows])
 
 
 def differences(page: str, text: str, ends: list[End]) -> list[str]:
-    """What is wrong with a page."""
+    """Errors of a page."""
     wrong = []
     name = re.match(r"# `(\S+)`\n", text)
-    # `~/fit` of the page calibration_node_fit
+    # the page of `~/fit` is calibration_node_fit
     said = page_of(name[1].replace("~", ends[0].node)) if name else ""
     if said != page:
         wrong.append(f"its title has to be the name, such as `{page}`")
@@ -56,7 +56,7 @@ def differences(page: str, text: str, ends: list[End]) -> list[str]:
 
 
 def field_differences(kind: str, text: str) -> list[str]:
-    """Fields that the message does not have, and fields that no row is about."""
+    """Rows for fields that the message does not have, and fields without a row."""
     package, group, name = kind.split("/")
     message = getattr(import_module(f"{package}.{group}"), name)
     has = (

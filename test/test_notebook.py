@@ -1,4 +1,4 @@
-"""Sessions, fits and verdicts as notebooks show them, and the notebooks of the documentation."""
+"""Sessions, fits and verdicts in notebooks, and the notebooks of the documentation."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -
 def test_a_session_with_a_mistake_is_warned_of_and_not_saved(
     session: Session, tmp_path: Path
 ) -> None:
-    """Commands in degrees; the fit goes by the encoders, the calibration is not written."""
+    """Commands are in degrees. The fit uses the encoders, but the calibration is not written."""
     command = session.recorded.command
     degrees = replace(command, position=np.degrees(command.position))
     wrong = Session(session.robot, replace(session.recorded, command=degrees))
@@ -86,11 +86,7 @@ def test_a_session_with_a_mistake_is_warned_of_and_not_saved(
 
 
 def test_commands_are_those_of_the_verb(tmp_path: Path) -> None:
-    """With play in the model a command goes by the side that its joints come from.
-
-    Targets of machines that turn their platform have turns, and a name; a plain array of places
-    is read by the columns that the robot commands.
-    """
+    """With backlash in the model, a command depends on the side from which the joints come."""
     pandas = pytest.importorskip("pandas")
     verdict = open_session(ROOT / "bags" / "srbd_backlash", robot="srbd").diagnose()
     verdict.save(tmp_path / "c.yaml")
@@ -99,6 +95,10 @@ def test_commands_are_those_of_the_verb(tmp_path: Path) -> None:
 
 
 def test_turns_of_a_platform_count(tmp_path: Path) -> None:
+    """Targets of robots that tilt their platform include turns.
+
+    A plain array of positions has the columns that the robot commands.
+    """
     pandas = pytest.importorskip("pandas")
     made = ["simulate", "--robot", "five_axis", "--plan", "identify", "--count", "14"]
     assert run([*made, "--seed", "2", "--out", str(tmp_path / "session")]) == 0
@@ -116,7 +116,7 @@ def test_turns_of_a_platform_count(tmp_path: Path) -> None:
 
 
 def _require_the_verbs(found, targets, robot: str, folder: Path) -> None:
-    """The same commands, status and radius as of `delta-cal compensate`."""
+    """Require the commands, status and radius that `delta-cal compensate` writes."""
     pandas = pytest.importorskip("pandas")
     targets.to_csv(folder / "targets.csv", index=False)
     verb = ["compensate", str(folder / "targets.csv"), "--robot", robot]
@@ -140,7 +140,7 @@ def test_they_show_themselves_and_escape_what_files_say(found: Identified) -> No
     shown = found._repr_html_()
     left = f"{1e3 * found.found.full.held_out:.4f} mm"
     assert f">error left, calibrated</th><td style='text-align:left'>{left}<" in shown
-    assert "held-out" not in shown  # which is what a diagnosis calls its own error
+    assert "held-out" not in shown  # a term of the diagnosis
     notes = found.session.recorded.notes
     page = Session(found.session.robot, found.session.recorded)._repr_html_()
     assert "srbd (six_rod_delta)" in page
@@ -165,7 +165,7 @@ def test_a_plot_has_every_pose(found: Identified) -> None:
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From start to end in a kernel of its own; its asserts hold, it shows tables and plots."""
+    """It runs in its own kernel; its assertions hold, and it shows tables and plots."""
     jupytext = pytest.importorskip("jupytext")
     client = pytest.importorskip("nbclient")
     pytest.importorskip("ipykernel")

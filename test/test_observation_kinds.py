@@ -1,4 +1,4 @@
-"""A camera's image, and closure alone: slopes, recovery, and what neither of them can tell."""
+"""Camera images and closures as observations: derivatives, recovery, unidentifiable parameters."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ def scara_built(rng):
 
 
 def pixels_of(q, g, turn, place):
-    """Written apart: the arm link by link, a turn and a shift, two quotients."""
+    """Independent projection: the arm link by link, a rigid motion and two quotients."""
     mark, held = walked(q, g)
     x, y, z = np.moveaxis((mark + held @ MARK) @ turn.T + place, 1, 0)
     return np.stack([2400.0 * x / z + 1010.0, 2380.0 * y / z + 770.0], axis=1)
 
 
 def walked(q, g):
-    """Where the SCARA's tool is, (n, 3), and how it is turned, (n, 3, 3); also of complex g."""
+    """Position (n, 3) and rotation (n, 3, 3) of the tool of the SCARA, also for complex g."""
     value = dict(zip(SCARA.parameters.names, g, strict=True))
     x, y, z = np.eye(3)
     place, turn = np.zeros(3), np.eye(3)
@@ -79,11 +79,11 @@ def seen(machine, q, noise=1e-3, rng=None):
     return PointInImage(q, pixel, MARK, CAMERA, noise)
 
 
-# --- in an image
+# --- images
 
 
 def without_offset(slope):
-    """A mark's own place in the platform is given: columns of zeros for the reflector's."""
+    """Insert zero columns for the reflector; the place of the mark on the platform is given."""
     nothing = np.zeros((*slope.shape[:-1], 3))
     return np.concatenate([slope[..., :-6], nothing, slope[..., -6:]], axis=-1)
 
@@ -108,7 +108,7 @@ def test_image_slopes_by_complex_step():
 
 
 def test_a_camera_of_known_place_measures_the_links():
-    """0.1 px of 0.7 mm: lengths of 0.5 m come out to a few hundredths of a millimetre."""
+    """With 0.1 px (a pixel is 0.7 mm), lengths of 0.5 m are found to a few hundredths of a mm."""
     rng = np.random.default_rng(2)
     machine, q = scara_built(rng), rng.uniform(-1.4, 1.4, (80, 2))
     fit = fit_observations(SCARA, [replace(seen(machine, q, 0.1, rng), place=LOOKS_DOWN)])
@@ -122,7 +122,7 @@ def test_a_camera_of_known_place_measures_the_links():
 
 
 def test_an_image_alone_has_no_scale():
-    """A machine of twice the size looks the same from twice as far; a distance says which."""
+    """A machine twice as large and twice as far away gives the same image; a distance does not."""
     rng = np.random.default_rng(3)
     machine, q = scara_built(rng), rng.uniform(-1.4, 1.4, (80, 2))
     image = seen(machine, q)
@@ -163,11 +163,11 @@ def test_a_mark_behind_the_camera_and_two_devices_are_refused():
         Camera(np.array([0.0, 1.0]), np.zeros(2))
 
 
-# --- closure alone
+# --- closure only
 
 
 def closing(dimensions, seed, n, noise=1e-3, tolerances=TOLERANCES):
-    """A robot that is not as drawn, taken to n poses; nothing but its motors is read."""
+    """Simulate a robot with errors of its dimensions at n poses; only the motors are read."""
     rng = np.random.default_rng(seed)
     robot, real = CableRobot(dimensions, tolerances), built(dimensions, rng)
     motors = real.motors(workspace(dimensions, n, rng))
@@ -176,7 +176,7 @@ def closing(dimensions, seed, n, noise=1e-3, tolerances=TOLERANCES):
 
 
 def test_closing_slopes_by_complex_step():
-    """The same normal matrix by a null space of scipy's and derivatives of the closure."""
+    """The normal matrix agrees with one from scipy's null space and derivatives of the closure."""
     robot, real, _ = closing(EIGHT_CABLES, 4, 1)
     rng = np.random.default_rng(5)
     q = real.motors(workspace(EIGHT_CABLES, 3, rng))
@@ -201,7 +201,7 @@ def test_closing_slopes_by_complex_step():
 
 
 def test_closing_is_missed_by_chance_alone():
-    """Of the true machine: independent numbers of the joints' own noise."""
+    """For the true machine the residuals are independent, with the noise of the joints."""
     robot, real, held = closing(EIGHT_CABLES, 6, 400)
     missed = held.missed(PlacedMachine.of(robot, geometry_of(real), Frame.identity())) / held.sigma
     assert missed.shape == (400, 2)
@@ -212,13 +212,13 @@ def test_closing_is_missed_by_chance_alone():
 @pytest.mark.parametrize(
     ("dimensions", "tolerances", "rank"),
     [
-        (EIGHT_CABLES, TOLERANCES, 7 * 8 - 7),  # six of where and how the whole stands, and size
-        (EIGHT_CABLES, ZEROS_FREE, 8 * 8 - 13),  # and where in it the counters are zero
-        (FOUR_CABLES, TOLERANCES, 4 * 4 - 4),  # a point: turned about home, and size
+        (EIGHT_CABLES, TOLERANCES, 7 * 8 - 7),  # minus rigid motion (6) and size (1)
+        (EIGHT_CABLES, ZEROS_FREE, 8 * 8 - 13),  # minus the pose of the zeros (6) as well
+        (FOUR_CABLES, TOLERANCES, 4 * 4 - 4),  # a point: minus rotation (3) and size (1)
     ],
 )
 def test_what_closure_alone_tells(dimensions, tolerances, rank):
-    """Neither where the machine stands nor how large it is, and the fit says so."""
+    """Position and size of the whole machine are not identifiable, and the fit reports that."""
     robot, _, held = closing(dimensions, 7, 100, tolerances=tolerances)
     fit = fit_observations(robot, [held])
     assert fit.observability.rank == rank
@@ -233,7 +233,7 @@ def test_what_closure_alone_tells(dimensions, tolerances, rank):
 
 
 def test_closure_alone_finds_the_shape_not_the_size():
-    """Ratios of distances between anchors come out; their common size is the prior's."""
+    """Ratios of distances between anchors are found; their common size stays that of the prior."""
     robot, real, held = closing(EIGHT_CABLES, 8, 150)
     fit = fit_observations(robot, [held])
 
@@ -257,10 +257,10 @@ def test_closure_alone_finds_the_shape_not_the_size():
 
 
 def test_a_distance_beside_closure_sets_the_size():
-    """A machine that is 0.5 % too large in every part closes just as well.
+    """A machine that is 0.5 % larger in all dimensions satisfies the closures equally well.
 
-    The distances are its centre's, and so tell four things: the size, and which point of the
-    platform the centre is.
+    The distances are those of the centre, so they determine four more combinations: the size, and
+    which point of the platform is the centre.
     """
     rng = np.random.default_rng(10)
     robot, real = CableRobot(EIGHT_CABLES, TOLERANCES), built(EIGHT_CABLES, rng)
@@ -285,7 +285,7 @@ def test_a_distance_beside_closure_sets_the_size():
 
 
 class StringGauged(Mechanism):
-    """A linear Delta with a string to its platform: a fourth encoder that drives nothing."""
+    """A linear Delta with a string to its platform, whose encoder drives nothing."""
 
     name = "string_gauged"
     joints, pose_size, task_size = 4, 3, 3
@@ -314,12 +314,12 @@ class StringGauged(Mechanism):
 
 
 def tower(g, i):
-    """The dimensions that the linear Delta's tower i takes, in symbols."""
+    """Dimensions of tower i in the form of the linear Delta, symbolic."""
     return column(g[0], g[1 + i], g[4 + i], g[7 + i])
 
 
 def test_the_string_is_one_more_closure():
-    """By hand, its derivatives by complex step; the rest is the linear Delta's."""
+    """The closure and its derivatives agree with those by hand and with the linear Delta."""
     printer, rng = StringGauged(), np.random.default_rng(11)
     g = printer.parameters.nominal + 1e-3 * rng.standard_normal(13)
     q = printer.home + 0.02 * rng.standard_normal((5, 4))
@@ -342,7 +342,7 @@ def test_the_string_is_one_more_closure():
 
 
 def test_an_encoder_on_a_passive_joint_calibrates():
-    """No pose is measured: the string's length and the three carriages have to agree."""
+    """No pose is measured; the length of the string has to agree with the three carriages."""
     printer = StringGauged()
     p, rng = printer.parameters, np.random.default_rng(12)
     g = p.nominal + p.prior * rng.standard_normal(len(p))
@@ -363,7 +363,7 @@ def test_an_encoder_on_a_passive_joint_calibrates():
 
 @pytest.mark.parametrize(("tackle", "alike"), [((1, 1, 1, 1), True), ((1, 1, 1, 4), False)])
 def test_noise_of_encoders_and_of_closures_weigh_alike_only_if_drums_are_alike(tackle, alike):
-    """The two kinds of a closure without a pose are one where every joint has the same slope."""
+    """Both kinds of closure without a pose are equal if all joints have the same slope."""
     drawing = replace(FOUR_CABLES, tackle=np.array(tackle, dtype=float))
     robot, _, seen = closing(drawing, 9, 40)
     machine = PlacedMachine.of(robot, robot.parameters.nominal, Frame.identity())
@@ -385,7 +385,7 @@ def test_closure_of_what_is_not_redundant_is_refused():
 
 
 def test_pixels_by_another_pinhole():
-    """By an angle from the axis: r = f tan(angle)."""
+    """The pixel follows from the angle to the axis: r = f tan(angle)."""
     camera = Camera(np.array([900.0, 900.0]), np.array([640.0, 480.0]))
     point = 2.5 * Rotation.from_rotvec(np.array([0.3, -0.2, 0.1])).apply([0.0, 0.0, 1.0])
     away = camera.image(point[None])[0] - camera.centre

@@ -1,4 +1,4 @@
-"""Kinds of observation: slopes, recovery by the mixed fit, what they cannot tell, bad input."""
+"""Kinds of observation: derivatives, recovery by a joint fit, redundancy, bad input."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def built(mechanism, rng, frame=FRAME, scale=1.0):
 
 
 def measured(machine, low, high, n, rng, noise=0.0):
-    """One of each kind, by the machine's poses; the turn by scipy's rotations."""
+    """One observation of each kind for the poses of a machine, with scipy's rotations."""
 
     def joints():
         return rng.uniform(low, high, (n, machine.chain.mechanism.joints))
@@ -91,7 +91,7 @@ def test_nothing_is_missed_of_the_machine_that_was_measured(name):
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_slopes_are_those_of_what_is_missed(name):
-    """By differences of `missed`, each unknown by itself."""
+    """By differences of `missed` for each unknown."""
     mechanism, (low, high) = MACHINES[name]
     rng = np.random.default_rng(2)
     machine, h = built(mechanism, rng), 1e-6
@@ -105,7 +105,7 @@ def test_slopes_are_those_of_what_is_missed(name):
 
 
 def test_poses_of_an_arm_are_recovered_inside_their_intervals():
-    """30 of 36 combinations show; what shows is predicted on poses that were not fitted."""
+    """30 of 36 combinations are identifiable; they predict poses that were not fitted."""
     rng = np.random.default_rng(3)
     machine = built(ARM, rng)
     _, pose, _, _ = measured(machine, -1.5, 1.5, 80, rng, 20e-6)
@@ -129,7 +129,7 @@ def test_heights_and_distances_set_a_printer_up_to_its_gauge():
     machine = built(PRINTER, rng, Frame.identity())
     _, _, height, distance = measured(machine, 0.3, 0.42, 40, rng, 10e-6)
     fit = fit_observations(PRINTER, [height, distance])
-    assert fit.names == PRINTER.parameters.names  # no device, no frame
+    assert fit.names == PRINTER.parameters.names  # no device and no frame
     assert fit.observability.rank == 9
     assert [r.parameter for r in fit.observability.redundancies] == ["tower_angle_3"]
     q = rng.uniform(0.3, 0.42, (50, 3))
@@ -140,7 +140,7 @@ def test_heights_and_distances_set_a_printer_up_to_its_gauge():
 
 
 def test_few_heights_tell_little():
-    """Three heights near the middle cannot say what nine parameters are: the priors do."""
+    """Three heights near the centre cannot determine nine parameters; the priors do."""
     rng = np.random.default_rng(5)
     machine = built(PRINTER, rng, Frame.identity())
     _, _, height, _ = measured(machine, 0.35, 0.36, 3, rng, 10e-6)

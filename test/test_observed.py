@@ -1,7 +1,7 @@
-"""The diagnosis on observations of any kinds: closures of a cable robot, a tracker's points.
+"""Diagnosis from observations of any kind: closures of a cable robot, points of a tracker.
 
-Hidden causes are made by generators that share nothing with the effects: spirals solved for their
-angle, elastic lines solved for the pose of least energy.
+The hidden causes are generated independently of the effects: spirals solved for their angle,
+elastic cables solved for the pose of least energy.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def conditions(joint):
 
 
 def hung(build_up, rng, n=60, seen=12, said=NOISE):
-    """Closures of a machine off its drawing; drums turned until their spirals let out enough."""
+    """Closures of a machine with errors of its dimensions and, if given, drum build-up."""
     d = CABLES.dimensions
     anchors = d.anchors + rng.normal(0, 20e-3, (4, 3))
     x = rng.uniform([-0.4, -0.4, 0.0], [0.4, 0.4, 1.2], (n, 3))
@@ -75,7 +75,7 @@ def hung(build_up, rng, n=60, seen=12, said=NOISE):
 
 @pytest.mark.parametrize("stated", [True, False])
 def test_hidden_build_up_is_named_from_closures(stated):
-    said = NOISE if stated else 10 * NOISE  # not known: its size is of no matter
+    said = NOISE if stated else 10 * NOISE  # if it is not stated, its size does not matter
     measured = hung(BUILD_UP, np.random.default_rng(3), said=said)
     found = diagnose_observations(measured, HUNG, CABLES, stated=stated)
     finding = found.verdict.findings[0]
@@ -85,7 +85,7 @@ def test_hidden_build_up_is_named_from_closures(stated):
     assert abs(estimate.value - BUILD_UP) < 4 * estimate.std
     assert estimate.std < 0.2 * BUILD_UP
     assert found.verdict.extended.held_out_rms_mm < 0.6 * found.verdict.calibrated.held_out_rms_mm
-    assert found.verdict.calibrated.model == "geometry"  # no frame takes part
+    assert found.verdict.calibrated.model == "geometry"  # no frame is involved
     assert (found.verdict.unknown_structure.tests["lack_of_fit"] is None) is not stated
     check_document(found.verdict.as_dict(), load_schema("verdict"), "verdict")
     assert "drum_build_up" in describe(found.verdict)
@@ -102,8 +102,8 @@ def test_nothing_is_found_where_nothing_is(seed):
 
 
 def test_a_cause_that_is_not_tried_is_not_given_another_name():
-    """Build-up taken from the list: drum scales or anchors must not be blamed for it."""
-    harmless = [Backlash(CABLES, HUNG)]  # nothing is known that it moves with
+    """Without build-up in the list, drum scales and anchors must not be named instead."""
+    harmless = [Backlash(CABLES, HUNG)]  # its conditions are not recorded
     measured = hung(BUILD_UP, np.random.default_rng(3))
     found = diagnose_observations(measured, HUNG, CABLES, effects=harmless)
     assert not [f for f in found.verdict.findings if f.kind != "geometry"]
@@ -111,7 +111,7 @@ def test_a_cause_that_is_not_tried_is_not_given_another_name():
 
 
 def test_the_fit_is_that_of_plain_least_squares():
-    """Against SciPy on the closures with every unmeasured pose an unknown of its own."""
+    """Compared with SciPy, with each unmeasured pose as an unknown."""
     from scipy.optimize import least_squares
 
     measured = hung(BUILD_UP, np.random.default_rng(5), n=24, seen=10)
@@ -136,7 +136,7 @@ def test_the_fit_is_that_of_plain_least_squares():
 
 
 def test_what_a_free_pose_spares_is_all_that_is_missed():
-    """|N^T f| = |f| at the pose of least misfit, N^T f_x = 0, and slopes by differences."""
+    """|N^T f| = |f| at the pose of least misfit, N^T f_x = 0, and derivatives by differences."""
     _, alone = (m.observation for m in hung(BUILD_UP, np.random.default_rng(4)))
     g = HUNG.parameters.nominal
     machine = PlacedMachine.of(HUNG, g, Frame.identity())
@@ -158,11 +158,11 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
 
 
 def tracked(rng, scale=0.0, n=40):
-    """Points of a Delta, as drawn, before a tracker whose lengths are too long by a share."""
+    """Points of a nominal Delta, measured by a tracker with a relative error of its lengths."""
     drawn = DELTA.commanded
     sure = replace(
         drawn.tolerances, **{f.name: 1e-9 for f in fields(drawn.tolerances)}
-    )  # a tracker's scale is one of all lengths: what parts them is that these are known
+    )  # exact dimensions, so that they cannot absorb the scale of the tracker
     delta = type(drawn)(drawn.dimensions, sure)
     frame = Frame.from_vector(np.array([0.1, -0.2, 1.0, 0.5, 2.0, 0.3]))
     joint = rng.uniform(-0.2, 0.9, (n, 3))
@@ -173,7 +173,7 @@ def tracked(rng, scale=0.0, n=40):
 
 
 def test_slopes_by_joints_are_those_of_the_chain():
-    """By differences of what is missed here, by the implicit function theorem there."""
+    """Differences of the residuals agree with the implicit function theorem of the chain."""
     delta, frame, measured = tracked(np.random.default_rng(1))
     model = Observed.of(delta, [measured], frame)
     evidence = model.evidence
@@ -231,7 +231,7 @@ def test_what_cannot_be_diagnosed_is_refused():
 
 
 def test_a_joint_curve_is_any_smooth_function_of_the_angle():
-    """Interpolates sin(11 q) to a thousandth, is nothing outside its range, and sums to one."""
+    """It interpolates sin(11 q) to 2e-3, vanishes outside its range, and sums to one."""
     delta = DELTA.commanded
     q = np.random.default_rng(1).uniform(-0.3, 1.0, (400, 3))
     curve = JointCurve.over(DELTA, delta, q, 0.05)
@@ -250,7 +250,7 @@ def test_a_joint_curve_is_any_smooth_function_of_the_angle():
 
 
 def kinds(cables, joint):
-    """One of each kind on a machine with four cables, what they say of no matter."""
+    """One observation of each kind of a machine with four cables; the values do not matter."""
     n = len(joint)
     turned = np.broadcast_to(np.eye(3), (n, 3, 3))
     camera = Camera(np.array([900.0, 900.0]), np.array([600.0, 500.0]))
@@ -269,9 +269,10 @@ def kinds(cables, joint):
 
 @pytest.mark.parametrize("number", range(7))
 def test_every_kind_goes_with_effects_and_joints_as_differences_say(number):
-    """Drums that build up and a play shift the joints; closures see them as places do.
+    """Drum build-up and backlash shift the joints, and each kind sees that as differences do.
 
-    At joints that close: beside them the pose of least misfit moves by more than its slopes say.
+    The closures are met here. Otherwise the pose of least misfit moves by more than its slopes
+    predict.
     """
     rng = np.random.default_rng(8)
     x = rng.uniform([-0.4, -0.4, 0.0], [0.4, 0.4, 1.2], (5, 3))

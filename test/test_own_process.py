@@ -1,4 +1,4 @@
-"""What a node does for its own process: memory, garbage, priority; and what is told of it."""
+"""Settings of a node's own process: memory, garbage collection, priority, and their report."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ other.set()
 
 
 def said(priority: int, before: str = "") -> dict[str, str]:
-    """What a process of its own prints, by the first word."""
+    """Output of a separate process, by the first word of each line."""
     script = SCRIPT.format(priority=priority, before=before)
     done = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, timeout=60, check=True
@@ -51,7 +51,7 @@ def said(priority: int, before: str = "") -> dict[str, str]:
 
 
 def allowed() -> bool:
-    """Whether this user may lock memory and take a priority."""
+    """Whether this user may lock memory and set a real-time priority."""
     script = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, check=False)
     return done.returncode == 0
@@ -71,8 +71,8 @@ def test_memory_is_locked_garbage_waits_and_all_threads_go_first() -> None:
     told = said(7)
     assert told["values"] == "{'memory': 'locked', 'priority': 'FIFO 7'}"
     assert told["held"] == "False True True"
-    assert told["scheduler"] == "1 1"  # SCHED_FIFO, of threads that ran by then
-    assert told["later"] == "0"  # an ordinary one
+    assert told["scheduler"] == "1 1"  # SCHED_FIFO for threads that ran before
+    assert told["later"] == "0"  # a normal one
     assert told["released"] == "True 0 0 0"
 
 

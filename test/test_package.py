@@ -1,8 +1,8 @@
-"""One set of files, two ways to install: pip (wheel, sdist, editable) and colcon (ament_python).
+"""The package installs in two ways: pip (wheel, sdist, editable) and colcon (ament_python).
 
 `ros2cli` is not on PyPI, so `ros2 run` itself cannot be called here. `executables_of` finds
-executables the way it does: the prefix on AMENT_PREFIX_PATH whose resource index names the
-package, and there the executable files below lib/<package>.
+executables as it does: it takes the prefix on AMENT_PREFIX_PATH whose resource index names the
+package, and the executable files below its lib/<package>.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NODES = {
     "session_player",
 }
 CONFIG = ROOT / "config" / "srbd.yaml"
-# Python packages for which rosdep has no key: pip brings them
+# Python packages without a rosdep key, installed by pip
 WITHOUT_ROSDEP_KEY = {
     "charset-normalizer",
     "lz4",
@@ -48,7 +48,7 @@ WITHOUT_ROSDEP_KEY = {
 
 
 def run(*command: str | Path, cwd: Path, **environment: str) -> str:
-    """Output of a command that has to succeed; shown whole where it does not."""
+    """Output of a command that has to succeed; if it fails, all its output is shown."""
     done = subprocess.run(
         [str(part) for part in command],
         cwd=cwd,
@@ -64,7 +64,7 @@ def run(*command: str | Path, cwd: Path, **environment: str) -> str:
 
 @pytest.fixture
 def source(tmp_path: Path) -> Path:
-    """A copy of the repository less what git ignores: nothing is built in the repository."""
+    """A copy of the repository without ignored files, so nothing is built in the repository."""
     ignored = (ROOT / ".gitignore").read_text(encoding="utf-8").replace("/", "").split()
     copy = tmp_path / "src" / PACKAGE
     shutil.copytree(ROOT, copy, symlinks=True, ignore=shutil.ignore_patterns(".git", *ignored))
@@ -88,7 +88,7 @@ def test_manifest_and_code_agree_on_the_version() -> None:
 
 def test_manifest() -> None:
     warnings: list[str] = []
-    manifest = parse_package(str(ROOT), warnings=warnings)  # raises on an invalid e-mail
+    manifest = parse_package(str(ROOT), warnings=warnings)  # raises if the e-mail is invalid
     assert warnings == []
     assert manifest.package_format == 3
     assert manifest.name == PACKAGE
@@ -133,11 +133,11 @@ def test_wheel_from_sdist_carries_the_data(source: Path, tmp_path: Path) -> None
     assert {f"{PACKAGE}/model/generated/{path.name}" for path in generated} <= names
     marker = f"share/ament_index/resource_index/packages/{PACKAGE}"
     assert f"{wheel.name.split('-py3')[0]}.data/data/{marker}" in names
-    assert not {name for name in names if ".data/scripts" in name}  # pip makes them, in bin
+    assert not {name for name in names if ".data/scripts" in name}  # pip writes them to bin
 
 
 def executables_of(package: str, ament_prefix_path: str) -> dict[str, Path]:
-    """What `ros2 run <package>` offers."""
+    """Executables that `ros2 run <package>` offers."""
     for prefix in map(Path, ament_prefix_path.split(os.pathsep)):
         if (prefix / "share/ament_index/resource_index/packages" / package).is_file():
             found = [path for path in (prefix / "lib" / package).rglob("*") if path.is_file()]
@@ -166,7 +166,7 @@ def test_colcon_build_gives_a_package_that_ros2_run_finds(
     executables = executables_of(PACKAGE, ament_prefix_path)
     assert set(executables) == {"delta-cal", *NODES}
 
-    # the built package, not the one under test: it has to be complete by itself
+    # use the built package, not the one under test: it has to be complete
     built = run(
         sys.executable,
         "-c",
@@ -192,7 +192,7 @@ def test_node_executables_can_be_loaded(name: str) -> None:
 
 
 def test_the_example_on_the_front_page_runs(tmp_path, monkeypatch, capsys):
-    """As it stands in the package's docstring, against a session that comes with it."""
+    """The example in the docstring of the package, with a session that comes with it."""
     (tmp_path / "bags").symlink_to(ROOT / "bags")
     monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", delta_calibration.__doc__, re.DOTALL)

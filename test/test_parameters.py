@@ -27,7 +27,7 @@ def test_values_and_vector_undo_each_other():
     vector = both.vector([("zero_1", 1e-3)])
     np.testing.assert_array_equal(vector, [0.32, 1e-3])
     np.testing.assert_array_equal(both.vector(both.values(vector).items()), vector)
-    np.testing.assert_array_equal(both.nominal, [0.32, 0])  # not changed by the vector above
+    np.testing.assert_array_equal(both.nominal, [0.32, 0])  # unchanged by the vector above
 
 
 def test_names_must_be_unique_and_known():

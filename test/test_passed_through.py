@@ -1,4 +1,4 @@
-"""Axes that the model passes through: on the command path, in tables and in the robot file."""
+"""Axes outside the model (passed through): on the command path, in tables, in the robot file."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def session_fixture():
 
 @pytest.fixture(scope="module", name="files")
 def files_fixture(tmp_path_factory, session) -> tuple[Path, Path]:
-    """A robot file with a fourth axis, and a calibration that was made without it."""
+    """A robot file with a fourth axis, and a calibration made without that axis."""
     folder = tmp_path_factory.mktemp("passed")
     poses = collect(session, NAMES)
     calibration = folder / "calibration.yaml"
@@ -103,7 +103,7 @@ def test_its_value_goes_on_with_the_corrected_command(files) -> None:
 
 
 def test_the_short_way_does_as_the_long_way(files) -> None:
-    """From bytes to bytes, the fourth axis first, in the middle, last, and not there."""
+    """Bytes in and out, with the fourth axis first, in the middle, last, and missing."""
     short, long = desk_of(files), desk_of(files)
     orders = [(3, 0, 1, 2), (0, 3, 2, 1), (0, 1, 2, 3), (0, 1, 2)]
     every, went = (*NAMES, TURN), 0
@@ -176,7 +176,7 @@ def test_trajectories_carry_it(files) -> None:
 
 
 def carrying(stream: JointStream) -> JointStream:
-    """With the fourth axis between the others."""
+    """Insert the fourth axis after the first."""
     turn = np.linspace(0.0, 500.0, len(stream.position))[:, None]
     names = (stream.names[0], TURN, *stream.names[1:])
     position = np.hstack([stream.position[:, :1], turn, stream.position[:, 1:]])

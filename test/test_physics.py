@@ -1,6 +1,6 @@
-"""A judge with bodies: a Delta in a physics engine, against equilibria by hand; then diagnosed.
+"""A Delta in a physics engine, compared with equilibria by hand, and then diagnosed.
 
-The whole of it is `python -m study.bodies`; this is the small one.
+The whole study is `python -m study.bodies`; this is a small part.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ from physics.plan import HEAVY, circles, places, stops
 from physics.rig import Rig
 from physics.session import measured
 
-HEIGHT = np.sqrt(ROD**2 - (RADIUS + ARM - PLATFORM) ** 2)  # [m] under the base, arms level
+HEIGHT = np.sqrt(ROD**2 - (RADIUS + ARM - PLATFORM) ** 2)  # [m] below the base, arms level
 SPRING, GAP = 2.5e4, 0.3e-3  # [N m/rad], [rad]
 HELD = "backlash held by weight"
 POSES = places(np.random.default_rng(1), 6)
 
 
 def standing(machine: Machine, q, payload: float = 0.0, seconds: float = 0.4):
-    """Where the platform comes to rest with the motors at q, brought there slowly, (3,) [m]."""
+    """Position of the platform at rest, with the motors brought slowly to q, (3,) [m]."""
     rig, q = Rig(machine), np.asarray(q, dtype=float)
     share = np.linspace(0, 1, 800)[:, None]
     rig.follow(q * share**2 * (3 - 2 * share), payload, 800)
@@ -59,7 +59,7 @@ def standing(machine: Machine, q, payload: float = 0.0, seconds: float = 0.4):
 
 
 def three_spheres(q):
-    """Where the platform of the drawing is, in closed form, (3,) [m]."""
+    """Position of the nominal platform in closed form, (3,) [m]."""
     angle = 2 * np.pi / 3 * np.arange(3)
     out = RADIUS + ARM * np.cos(q) - PLATFORM
     centres = np.stack([out * np.cos(angle), out * np.sin(angle), -ARM * np.sin(q)], axis=1)
@@ -75,7 +75,7 @@ def three_spheres(q):
 
 
 def six_distances(machine: Machine, q):
-    """Where the platform of a built machine is: six rods as long as they are, (3,) [m]."""
+    """Position of the platform of a built machine with its six rod lengths, (3,) [m]."""
 
     def gaps(pose):
         left, turn = [], Rotation.from_rotvec(pose[3:])
@@ -111,17 +111,17 @@ def test_a_built_machine_stands_where_its_rods_reach():
 
 
 def fallen(**faults) -> float:
-    """By how much the platform hangs lower with arms level [m]."""
+    """How much lower the platform hangs with level arms [m]."""
     place = standing(as_drawn().with_(**faults), np.zeros(3))
     np.testing.assert_allclose(place[:2], 0, atol=1e-8)
     return -HEIGHT - place[2]
 
 
 def test_bodies_give_way_as_equilibria_by_hand_have_it():
-    """Arms level, all three alike: an arm that turns by dq lowers all beyond it by ARM dq."""
+    """With level arms, all three alike, an arm that rotates by dq lowers all beyond by ARM dq."""
     torque = GRAVITY * ARM * (PLATFORM_KG / 3 + 2 * ROD_KG + ARM_CENTRE * ARM_KG)
     lean = HEIGHT / ROD
-    pull = GRAVITY * (PLATFORM_KG + 3 * ROD_KG) / (6 * lean)  # of a rod in its middle
+    pull = GRAVITY * (PLATFORM_KG + 3 * ROD_KG) / (6 * lean)  # force in a rod at its middle
     assert fallen(drive=SPRING) == pytest.approx(ARM * torque / SPRING, rel=2e-3)
     assert fallen(rod_spring=1e6) == pytest.approx(pull / 1e6 / lean, rel=2e-3)
     assert fallen(gap=GAP) == pytest.approx(ARM * GAP / 2, rel=2e-3)
@@ -147,7 +147,7 @@ ROBOT = load_robot("srbd")
 
 
 def holds(verdict: Verdict, cause: str, name: str, true: float) -> None:
-    """The one finding is this cause, with this value of each joint in its interval."""
+    """Require this cause as the only finding, with the true value in each joint's interval."""
     assert [f.cause for f in verdict.findings] == [cause]
     assert not verdict.unknown_structure.found
     estimates = [e for n, e in verdict.findings[0].parameters.items() if n.startswith(name)]
@@ -166,13 +166,13 @@ def test_a_rigid_machine_is_clean():
 
 @pytest.mark.slow
 def test_drive_springs_are_one_stiffness_at_rest_and_in_motion():
-    """Weight and inertia of all that moves; as two causes they were, with weight alone."""
+    """With the weight but without inertia there would be two causes, at rest and in motion."""
     holds(said_of({"drive": SPRING}, 32, moves=True), "joint_compliance", "compliance", 1 / SPRING)
 
 
 @pytest.mark.slow
 def test_a_base_on_soft_feet_is_named_by_what_it_gives():
-    """By its springs, as far under it and as far apart as they are."""
+    """Stiffness, depth and radius of the feet are found."""
     verdict = said_of({"mount": 2e6, "feet": 1.2}, 33, count=24, moves=True)
     assert [f.cause for f in verdict.findings] == ["base_compliance"]
     assert not verdict.unknown_structure.found

@@ -1,4 +1,4 @@
-"""Computed plans of every robot: poses that it can take, as it is put together, loads and all."""
+"""Computed plans of all robots: reachable poses in the right assembly mode, with their loads."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ CAUSES = {
 
 
 def require_possible(robot: Robot, plan: Plan) -> None:
-    """Within limits and workspace, and the way that the nominal machine is put together."""
+    """Require limits, workspace, and the assembly mode of the nominal machine."""
     joint, model, nominal = plan.joint, robot.commanded, robot.commanded.parameters.nominal
     assert (joint > robot.joints.lower).all()
     assert (joint < robot.joints.upper).all()
@@ -67,7 +67,7 @@ def test_the_poses_to_identify_by_are_possible(name: str) -> None:
 
 @pytest.mark.parametrize("name", known_robots())
 def test_a_circle_test_is_possible_within_ten_minutes(name: str) -> None:
-    """Each circle whole, in both senses at two feeds, one radius in each plane."""
+    """Each circle is complete, in both directions at two feeds, with one radius per plane."""
     robot = load_robot(name)
     plan = make_plan("circles", robot)
     require_possible(robot, plan)
@@ -109,9 +109,10 @@ def test_the_poses_that_part_two_causes_are_possible(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["five_axis", "ur10", "scara"])
 def test_without_a_workspace_poses_are_put_together_as_at_home(name: str) -> None:
-    """All that the joints can take, but for what they come to in another assembly mode.
+    """Poses cover the joint ranges, except those reached in another assembly mode.
 
-    Followed here by the velocity Jacobian, in steps much finer than the plan's.
+    Here the assembly mode is followed by the velocity Jacobian, in steps much finer than the
+    plan's.
     """
     robot = replace(load_robot(name), workspace=None)
     joint = candidates(robot, 40, None, np.random.default_rng(1))
@@ -119,13 +120,13 @@ def test_without_a_workspace_poses_are_put_together_as_at_home(name: str) -> Non
     x = model.forward(joint, nominal)
     np.testing.assert_allclose(model.inverse(x[:, : model.task_size], nominal), joint, atol=1e-7)
     assert np.abs(tool_frames(robot, joint)[1]).max() <= np.pi + ROOM
-    if name == "five_axis":  # the direct problem of the others is closed
+    if name == "five_axis":  # the others have forward kinematics in closed form
         way = np.linspace(robot.commanded.home, joint, 1001)
         y = np.tile(model.forward(way[0, :1], nominal), (len(joint), 1))
         for here, there in pairwise(way):
             slope = model.velocity_jacobian((here + there) / 2, y, nominal)
             y = y + (slope @ (there - here)[..., None])[..., 0]
-        assert np.abs(y - x).max() < 0.01  # of the steps
+        assert np.abs(y - x).max() < 0.01  # error of the steps
 
 
 def test_joints_that_cannot_move_alone_need_a_workspace() -> None:
@@ -137,7 +138,7 @@ def test_joints_that_cannot_move_alone_need_a_workspace() -> None:
 def test_a_turn_of_another_assembly_mode_is_out_of_reach(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Eight cables at lengths that fit it, and the platform hangs elsewhere."""
+    """Eight cables with the lengths for this pose hold the platform in another pose."""
     file = tmp_path / "turned.csv"
     file.write_text("x_mm,y_mm,z_mm,turn_x_deg\n0,0,1250,180\n")
     with pytest.raises(ReachError, match=r"point 1 \(.*, 180, 0, 0 m and degrees\) is out"):
@@ -147,9 +148,9 @@ def test_a_turn_of_another_assembly_mode_is_out_of_reach(
     assert "is out of the robot's reach" in capsys.readouterr().err
 
 
-# What is on the platform of a cable robot
+# Loads on the platform of a cable robot
 
-HEAVY = 150.0  # [kg] that 400 N of pretension do not hold taut everywhere
+HEAVY = 150.0  # [kg] with 400 N of pretension some cables become slack
 
 
 def test_cables_are_taut_with_the_load_of_each_line(tmp_path: Path) -> None:
@@ -164,7 +165,7 @@ def test_cables_are_taut_with_the_load_of_each_line(tmp_path: Path) -> None:
 
 
 def test_a_load_may_be_what_holds_cables_taut(tmp_path: Path) -> None:
-    """Hung from above alone, a platform of no weight is held by what is on it."""
+    """All cables come from above, and a weightless platform is held by its load."""
     robot = load_robot("cdpr8")
     anchors = robot.dimensions.anchors.copy()
     anchors[:, 2] = 2500.0e-3
@@ -205,7 +206,7 @@ def test_the_poses_of_a_contrast_bear_its_load() -> None:
         candidates(robot, 200, None, rng(1), (0.0, 5000.0))
 
 
-# Work that is not done twice
+# Equal results alone and in a batch
 
 
 def test_one_target_out_of_reach_leaves_the_others_of_a_batch_as_they_are_alone() -> None:

@@ -1,4 +1,4 @@
-"""Plans that are computed tell more than others, and their files lead where they say."""
+"""Computed plans determine parameters better than others, and their files are read back."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_written_plan_is_simulated(tmp_path, capsys):
 
 
 def test_a_file_may_leave_out_sides_and_loads(tmp_path):
-    """What it does not say is as the caller has it; what it says holds."""
+    """Missing columns take the values of the caller; existing ones are kept."""
     bare, full = tmp_path / "bare.csv", tmp_path / "full.csv"
     bare.write_text(f"{HEAD}\n0,0,-711\n100,0,-711\n")
     full.write_text(f"{HEAD},payload_kg,direction\n0,0,-711,1.5,-1\n100,0,-711,0,+1\n")
@@ -117,7 +117,7 @@ def test_a_plan_that_cannot_be_written_is_said(tmp_path):
 
 @pytest.mark.parametrize("asked", [4, 1])
 def test_the_chosen_stops_are_the_best_of_all_sets(asked):
-    """Against every set of three out of nine, for all and for one beside the rest."""
+    """Compared with all sets of three out of nine, for all parameters and for one of them."""
     rows = np.random.default_rng(4).standard_normal((9, 3, 4))
     start = 0.1 * np.eye(4)
 
@@ -159,7 +159,7 @@ def test_optimal_poses_tell_several_times_as_much_as_random_ones(best):
 
 
 def test_a_fit_to_optimal_poses_is_more_certain_and_nearer_the_truth(best):
-    """The same machine measured at 20 optimal and at 20 random poses from the same candidates."""
+    """One machine, measured at 20 optimal poses and at 20 random ones of the same candidates."""
     machine = draw_machine(ROBOT, 8)
     one_side = replace_rows(best.plan, slice(0, None, 2))
     rng = np.random.default_rng(0)
@@ -188,7 +188,7 @@ def replace_rows(plan, rows):
 
 
 def error_of(found, machine, joint):
-    """Root mean square of fitted less true reading, where nothing was measured [m]."""
+    """RMS difference of the readings of fitted and true machine at unmeasured places [m]."""
     at = at_rest(joint)
     missed = found.chain.predict(at, found.theta) - machine.chain.predict(at, machine.theta)
     return float(np.sqrt(np.mean(np.sum(missed**2, axis=1))))
@@ -206,7 +206,7 @@ def test_the_verb_says_what_the_poses_are_worth(tmp_path, capsys):
     assert "written: " in said
 
 
-# What parts two causes
+# Plans that separate two causes
 
 
 def test_backlash_and_a_zero_offset_take_both_sides(tmp_path, capsys):
@@ -214,7 +214,7 @@ def test_backlash_and_a_zero_offset_take_both_sides(tmp_path, capsys):
     assert code == 0
     assert len(plan) == 20
     assert 7 <= np.sum(plan.direction == 1) <= 13
-    assert (plan.payload == 0).all()  # no load matters
+    assert (plan.payload == 0).all()  # loads make no difference
     assert plan.paths == ()
     said = capsys.readouterr().out
     assert "approached from both sides" in said
@@ -227,12 +227,12 @@ def test_backlash_and_a_zero_offset_take_both_sides(tmp_path, capsys):
 
 @pytest.mark.parametrize("second", ["arm_length", "joint_zero_offset", "geometry"])
 def test_compliance_and_a_dimension_take_two_payloads_and_motion(second):
-    """A spring gives to inertia as well: the more of it, the less is left to tell by stops."""
+    """Springs also yield to inertia, and then the stops need to tell less."""
     found = part(ROBOT, ("joint_compliance", second))
     assert np.unique(found.plan.payload).tolist() == [0.0, 2.0]
     assert found.plan.paths
-    assert (found.plan.direction == 1).all()  # no side matters
-    assert np.count_nonzero(np.diff(found.plan.payload)) == 1  # it is changed once
+    assert (found.plan.direction == 1).all()  # sides make no difference
+    assert np.count_nonzero(np.diff(found.plan.payload)) == 1  # it changes once
     assert found.after.parted
     assert found.after.signal > 10 * found.before.signal
     swapped = part(ROBOT, (second, "joint_compliance"), payload=1.0).plan
@@ -264,7 +264,7 @@ def test_what_no_motion_parts_is_said(tmp_path, capsys):
 
 
 def test_the_plan_shows_a_hidden_backlash_beside_zero_offsets():
-    """Driven on a machine that has it: the gap comes out, where plain stops cannot tell it."""
+    """With this plan a hidden backlash is found; with plain stops it cannot be determined."""
     gap = 0.3e-3
     plan = part(ROBOT, ("backlash", "joint_zero_offset"), count=30, seed=2).plan
     plain = make_plan("identify", ROBOT, count=30, both_sides=False)
@@ -297,7 +297,7 @@ def test_a_plan_adds_to_a_session_or_goes_by_a_calibration(tmp_path, capsys):
     assert code == 0
     assert said.splitlines()[2].startswith("session ")
     assert said.splitlines()[3].startswith("with this plan ")
-    # Poses without load are in the session: what it lacks is the load.
+    # The session has poses without load, so poses with load are added.
     assert np.sum(added.payload == 2.0) >= 6
     code, by_fit = run_plan(tmp_path, *asked, "--calibration", calibration)
     assert code == 0

@@ -1,7 +1,7 @@
-"""A mechanism of the tutorial's kind that the package does not have: two sliders, upright plane.
+"""A user's mechanism, as in the tutorial: two sliders that move a point in an upright plane.
 
-Its joints command x and z. What every robot passes has to go by these, not by the first two of
-three coordinates.
+Its joints command x and z. The tests of all robots have to use these two coordinates, not the
+first two of three.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ from test_mechanisms import (  # noqa: F401 (run on the mechanism below)
     test_inverse_undoes_forward,
 )
 
-PLANE = [0, 2, 1]  # the pose is x, z, y: what is commanded first
+PLANE = [0, 2, 1]  # the pose is x, z, y: commanded coordinates first
 
 
 def _along(q, x, g):
-    """From each slider to the point, in symbols."""
+    """Vectors from each slider to the point, symbolic."""
     place = column(x[0], x[2], x[1])
     return [place - g[3 * i : 3 * i + 3] - column(q[i], 0, 0) for i in (0, 1)]
 
@@ -94,7 +94,7 @@ class FiveBar(Mechanism):
 
 @pytest.fixture
 def by_hand():
-    """Its closure written a second time, in numpy."""
+    """Independent closure in numpy."""
 
     def closure(q, x, g):
         rails = np.broadcast_to(g[..., :6], (len(x), 6)).reshape(-1, 2, 3)
@@ -107,7 +107,7 @@ def by_hand():
 
 @pytest.fixture(scope="module")
 def robot_file(tmp_path_factory):
-    """Registered, and a robot of it: all but its own sections is as a linear Delta's."""
+    """Register the mechanism and write a robot file, with other sections from a linear Delta."""
     path = tmp_path_factory.mktemp("robot") / "five_bar.yaml"
     data = YAML(typ="safe").load(Path(load_robot("linear_delta").source))
     data |= {
@@ -127,7 +127,7 @@ def robot_file(tmp_path_factory):
 
 @pytest.fixture
 def mechanism(robot_file):
-    """What the shared tests of closure and inverse problem ask for."""
+    """Fixture of the shared tests of closure and inverse kinematics."""
     return load_robot(robot_file).model()
 
 
@@ -145,7 +145,7 @@ def test_what_every_robot_passes(shared, robot_file):
 
 
 def made(robot_file):
-    """Its machine and the calibration made of 40 places of it."""
+    """A machine, and its calibration from 40 poses."""
     robot, seen = every_robot.measured(robot_file, "", "identify", 40, 3)
     found = identify(seen.poses, robot)
     machine = every_robot.machine_of(robot, "", 3)
@@ -154,7 +154,7 @@ def made(robot_file):
 
 @pytest.mark.parametrize("method", ["newton", "apso"])
 def test_x_and_z_are_put_right(method, robot_file):
-    """Truly, by the simulated machine; its plane is a rail's tolerance off and stays so."""
+    """By the true errors of the simulated machine; its plane stays off by a rail's tolerance."""
     machine, calibration = made(robot_file)
     nominal = make_plan("disc", machine.robot, count=12, both_sides=False).joint * 0.9
     done = JointCompensator(calibration, method).compensate(nominal)

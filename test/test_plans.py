@@ -1,4 +1,4 @@
-"""Plans lead where the robot can go, and their motion is one it can make."""
+"""Plans contain reachable poses, and their motion respects the limits of the robot."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_stops_are_the_drawings_joints_within_the_limits(plan):
 
 
 def test_motion_is_continuous_within_limits_and_comes_from_the_side_it_says(plan):
-    """No step is faster than the file's speed, from leg to leg either; paths are slower still."""
+    """No step, within a leg or between legs, exceeds the speed in the robot file."""
     last, count = plan.joint[0], 0
     for leg in legs(plan, ROBOT, RATE):
         steps = np.diff(np.vstack([last, leg.joint]), axis=0)
@@ -68,7 +68,7 @@ def test_line_and_disc_are_the_papers():
     disc = make_plan("disc", ROBOT, count=400, both_sides=False).target
     radius = np.hypot(disc[:, 0], disc[:, 1])
     assert radius.max() < 0.45
-    assert np.mean(radius < 0.45 / np.sqrt(2)) == pytest.approx(0.5, abs=0.02)  # even in area
+    assert np.mean(radius < 0.45 / np.sqrt(2)) == pytest.approx(0.5, abs=0.02)  # uniform in area
 
 
 def test_iso_poses_come_in_cycles_from_one_side():
@@ -76,9 +76,9 @@ def test_iso_poses_come_in_cycles_from_one_side():
     cycle = plan.target[:5]
     np.testing.assert_array_equal(plan.target, np.tile(cycle, (4, 1)))
     assert (plan.direction == 1).all()
-    middle = cycle[4]  # P5, P4, P3, P2, P1
+    middle = cycle[4]  # the order is P5, P4, P3, P2, P1
     np.testing.assert_allclose(cycle[:4].mean(axis=0), middle, atol=1e-12)
-    corners = 0.4 * 0.3 * np.sqrt(3) * np.ones(4)  # 80 % of half the cube's diagonal
+    corners = 0.4 * 0.3 * np.sqrt(3) * np.ones(4)  # 80 % of half the diagonal of the cube
     np.testing.assert_allclose(np.linalg.norm(cycle[:4] - middle, axis=1), corners)
     assert [path.name for path in plan.paths] == ["line", "circle"]
     assert len(make_plan("iso9283", ROBOT)) == 150
@@ -100,7 +100,7 @@ def test_rich_has_all_a_diagnosis_wants():
     names = [path.name for path in plan.paths]
     assert [n for n in names if n.startswith("sweep")] == [f"sweep_joint_{k}" for k in (1, 2, 3)]
     assert sum(n.startswith("circle") for n in names) == 6
-    for path in plan.paths[:3]:  # a sweep moves its own joint, slowly, there and back
+    for path in plan.paths[:3]:  # a sweep moves one joint slowly there and back
         moved = np.ptp(path.joint, axis=0)
         assert np.count_nonzero(moved > 1e-12) == 1
         assert 2 * moved.max() / path.duration < 0.05
@@ -119,7 +119,7 @@ def test_identify_covers_the_papers_line_and_the_seed_decides():
 
 
 def test_a_short_way_in_is_kept_within_the_limits():
-    """A stop at a joint's limit, come to from beyond it."""
+    """A stop at the limit of a joint, approached from beyond that limit."""
     plan = make_plan("line", ROBOT, count=1)
     edge = replace(plan, joint=np.tile(ROBOT.joints.upper, (2, 1)))
     for leg in legs(edge, ROBOT, RATE):
@@ -147,7 +147,7 @@ def test_sweeps_beyond_the_limits_are_refused():
         make_plan("rich", narrow, count=1, radius=0.02)
 
 
-# CSV and refusals
+# CSV files and refusals
 
 
 def csv_plan(tmp_path, text, name="points.csv"):
@@ -167,7 +167,7 @@ def test_points_of_a_file_by_the_names_of_its_columns(tmp_path, text):
     plan = csv_plan(tmp_path, text, "iso9283.csv")
     assert plan.name == "iso9283"
     np.testing.assert_allclose(plan.target[::2], [[0.1, 0, -0.711], [0, -0.0505, -0.8]])
-    assert plan.paths == ()  # a file of that name is a file
+    assert plan.paths == ()  # the file is used, not the plan of that name
 
 
 @pytest.mark.parametrize(

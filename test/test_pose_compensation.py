@@ -1,4 +1,4 @@
-"""Compensation of robots that are commanded by poses: place and turn of the tool."""
+"""Compensation of robots that are commanded by poses: position and rotation of the tool."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ TURNS = ("cdpr8", "five_axis", "ur10")
 
 
 def known(machine: TrueMachine) -> Calibration:
-    """A calibration that knows all of a machine, in a region of 20 m."""
+    """A calibration equal to the true machine, valid in a region of 20 m."""
     robot = machine.robot
     corners = 10.0 * (2.0 * np.array(list(np.ndindex(2, 2, 2))) - 1.0)
     ends = robot.joints.lower, robot.joints.upper
@@ -56,7 +56,7 @@ def places(robot: Robot, count: int = 12, seed: int = 2) -> np.ndarray:
 
 
 def tool(machine: TrueMachine, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where the machine truly has its tool, and how it is turned, by the chain."""
+    """True position and rotation of the tool, by the chain."""
     chain = machine.chain
     x = chain.pose(standing(q), machine.theta)
     return chain.point(x, machine.tool), chain.mechanism.rotation(x)
@@ -101,7 +101,7 @@ def test_corrected_cables_fit_a_pose_without_a_rest() -> None:
         x = chain.mechanism.forward(joint, geometry)
         return float(np.abs(chain.mechanism.closure(joint, x, geometry)).max())
 
-    assert rest(q) > 1e-4  # the drawing's commands pull the cables against each other
+    assert rest(q) > 1e-4  # nominal commands make the cables contradict each other
     assert rest(done.joint) < 1e-10
 
 
@@ -180,7 +180,7 @@ def test_slack_cables_are_told_apart_from_what_no_pull_holds() -> None:
         nominal_joints(loose, middle)
     with pytest.raises(ReachError, match="point 1: no tension of the 8 cables"):
         nominal_joints(robot, outside)
-    with pytest.raises(ReachError, match=r"cable_\d is slack"):  # a load that 400 N are not for
+    with pytest.raises(ReachError, match=r"cable_\d is slack"):  # 400 N are too little
         require_borne(robot, nominal_joints(robot, middle), "point", np.array([300.0]))
     machine = replace(draw_machine(robot, 4), robot=loose)
     q = nominal_joints(robot, middle)
@@ -206,7 +206,7 @@ def test_places_of_a_tool(name: str) -> None:
 
 @pytest.mark.parametrize("name", [*POSES, "srbd", "linear_delta"])
 def test_jacobian_is_the_slope_of_places(name: str) -> None:
-    """By central differences of the machine's own places; twelve numbers where the tool turns."""
+    """Central differences of the positions; twelve numbers where the tool rotates."""
     robot = load_robot(name)
     model, q = robot.commanded, places(robot, 3)
     machine = drawn(model, np.array([0.02, -0.03, 0.15]))

@@ -1,4 +1,4 @@
-"""`delta-cal import --preset`: tables as known programs write them, alone and two together."""
+"""`delta-cal import --preset`: tables in the formats of known programs, alone and joined."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def lines(rows: list[str], head: str = "") -> str:
 
 
 def points(name: str, y: np.ndarray) -> str:
-    """A table of points as a program writes it."""
+    """A table of points in the format of a program."""
     mm = 1e3 * y
     named = [(f"P{k + 1}", *row) for k, row in enumerate(mm.tolist())]
     if name == "spatialanalyzer":
@@ -45,7 +45,7 @@ def points(name: str, y: np.ndarray) -> str:
 
 
 def joints(name: str, q: np.ndarray) -> str:
-    """A list of joints as a controller's program has it."""
+    """A list of joint values in the format of a controller."""
     deg = np.degrees(q).tolist()
     if name == "kuka":
         rows = [
@@ -73,7 +73,7 @@ def joints(name: str, q: np.ndarray) -> str:
 
 
 def both(folder: Path, one: tuple[str, str], other: tuple[str, str], *options: str) -> int:
-    """Two tables, each a preset and its text, as one session."""
+    """Import two tables, each a preset and its text, as one session."""
     for k, (_, text) in enumerate((one, other)):
         (folder / f"{k}.txt").write_text(text, encoding="utf-8")
     joined = ["--join", str(folder / "1.txt"), "--join-preset", other[0]]
@@ -155,7 +155,7 @@ def test_an_export_of_a_computer_with_decimal_commas(
 def test_a_point_s_name_says_nothing_of_decimals(
     tmp_path: Path, measured: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    """1.1 to 1.16 are names of points beside decimal commas."""
+    """1.1 to 1.16 are names of points; coordinates have decimal commas."""
     q, y = measured
     text = re.sub(r"(?m)^P(\d+)", r"1.\1", points("leica", y).replace(".", ","))
     assert both(tmp_path, ("kuka", joints("kuka", q)), ("leica", text), "--by", "row") == 0
@@ -166,7 +166,7 @@ def test_a_point_s_name_says_nothing_of_decimals(
 def test_decimal_commas_between_columns_that_commas_part_are_refused(
     of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray], capsys
 ) -> None:
-    """Columns behind the last are left out: whole millimetres would be read."""
+    """Extra columns are ignored, so whole millimetres would be read."""
     q, y = measured
     text = points(of, y).replace(".", ",")
     assert both(tmp_path, ("kuka", joints("kuka", q)), (of, text), "--by", "name") == 2
@@ -191,7 +191,7 @@ def test_rows_of_a_fanuc_program_and_of_points_are_joined_in_order(
 
 
 def streams(q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Ten samples a second, two seconds a stop, the joints in between as they go."""
+    """Streams at 10 Hz with two seconds per stop."""
     time = np.arange(20 * len(q)) / 10.0
     return time, np.repeat(q, 20, axis=0), np.repeat(y, 20, axis=0)
 
@@ -200,7 +200,7 @@ def streams(q: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 def test_streams_of_joints_and_points_are_joined_by_time(
     of: str, tmp_path: Path, measured: tuple[np.ndarray, np.ndarray]
 ) -> None:
-    q, y = (each[::2] for each in measured)  # every place once
+    q, y = (each[::2] for each in measured)  # each place once
     time, joint, place = streams(q, y)
     names = [f"{kind}_q_{k}" for kind in ("target", "actual") for k in range(6)]
     rng = np.random.default_rng(1)
@@ -273,7 +273,7 @@ def test_a_list_that_is_another_programs_is_refused(
 def test_the_second_file_is_named_as_it_lies(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Not by the way to it from the folder of a mapping that nobody sees."""
+    """With the path that was given, not with one relative to the folder of an internal mapping."""
     q, y = np.zeros((8, 6)), np.zeros((8, 3))
     other = points("faro", y).replace("P", "S")
     assert both(tmp_path, ("kuka", joints("kuka", q)), ("faro", other), "--by", "name") != 0

@@ -1,4 +1,4 @@
-"""A Delta printer by what its firmware has kept: against a machine that another solver moved."""
+"""A Delta printer from the data of its firmware, compared with an independent simulation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TRUE = {
 
 
 def joints(place):
-    """Steps of the true machine's carriages over a place [mm]: a root of its spheres."""
+    """Steps of the true carriages for a place [mm], by a root of the closures."""
     towers = TRUE["radius"] * np.stack([np.cos(TRUE["angle"]), np.sin(TRUE["angle"])], axis=1)
     top = TRUE["endstop"] + np.sqrt(TRUE["arm"] ** 2 - TRUE["radius"] ** 2)
 
@@ -37,7 +37,7 @@ def joints(place):
 
 
 def written(folder, saved: list[str], **changed: str) -> str:
-    """A printer.cfg as SAVE_CONFIG leaves it: what was typed, then the block of its own."""
+    """A printer.cfg as SAVE_CONFIG leaves it: the typed part, then the saved block."""
     entries = {
         "arm_length": "345.0",
         "position_endstop": "415.0",
@@ -59,7 +59,7 @@ def written(folder, saved: list[str], **changed: str) -> str:
 
 
 def measured(rng, noise: float) -> list[str]:
-    """Heights over the bed and distances on it."""
+    """Entries of heights above the bed and of distances on it."""
     lines = ["[delta_calibrate]"]
     bed = [
         (0, 0),
@@ -89,7 +89,7 @@ def test_the_machine_is_found_and_its_entries_written(tmp_path, capsys) -> None:
     true = [TRUE["radius"]]
     for i in range(3):
         true += [np.degrees(TRUE["angle"][i]), TRUE["arm"][i], TRUE["endstop"][i]]
-    np.testing.assert_allclose(values, true, atol=0.02)  # steps are written to a thousandth
+    np.testing.assert_allclose(values, true, atol=0.02)  # steps are rounded to a thousandth
 
 
 def test_errors_are_those_of_the_configuration_and_of_what_is_foretold(tmp_path, capsys) -> None:
@@ -150,7 +150,7 @@ def test_a_printer_that_is_no_delta_is_refused(tmp_path, capsys) -> None:
 @pytest.mark.real
 @pytest.mark.skipif(not REAL.is_dir(), reason="measurements of real machines are not there")
 def test_a_real_printer_as_its_firmware_would_have_kept_it(tmp_path) -> None:
-    """The same 19 data as those of the page, told as entries."""
+    """The 19 data of the documentation, written as entries of the firmware."""
     folder = REAL / real_v400.MEASURED
     heights = np.loadtxt(folder / "heights.csv", delimiter=",", skiprows=1)
     distances = np.loadtxt(folder / "distances.csv", delimiter=",", skiprows=1)

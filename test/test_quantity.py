@@ -1,4 +1,4 @@
-"""Numbers on the command line and in tables: finite, and none that overflows."""
+"""Numbers on the command line and in tables are finite, and none of them overflows."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from delta_calibration.tables import read_table
 
 
 def options() -> Iterator[tuple[str, click.Parameter]]:
-    """Every parameter of every verb."""
+    """All parameters of all commands."""
     for verb in VERBS:
         command = group.get_command(click.Context(group), verb)
         assert command is not None
@@ -34,7 +34,7 @@ NUMBERS = [
 
 
 def test_every_option_that_is_a_number_is_a_quantity() -> None:
-    """A range of click's own lets `nan` pass: no comparison with it is true."""
+    """A range type of click accepts `nan`, because every comparison with it is false."""
     assert len(NUMBERS) >= 9
     loose = [
         (verb, parameter.opts)
@@ -112,7 +112,7 @@ def test_a_hidden_cause_beyond_all_size_is_refused(capsys: pytest.CaptureFixture
 def test_no_column_is_left_out_in_silence(
     robot: str, column: str, said: str, tmp_path: Path
 ) -> None:
-    """Of targets and of plans: a turn or a load that goes unread is a wrong command."""
+    """In targets and in plans: an ignored turn or load would give a wrong command."""
     file = tmp_path / "points.csv"
     file.write_text(f"x_mm,y_mm,z_mm,{column}\n0,0,0,1\n")
     with pytest.raises(InputError, match=rf"points\.csv: {said}"):

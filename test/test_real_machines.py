@@ -1,4 +1,4 @@
-"""A printer and a UR10 as measured; the curves of joints also on an arm made here."""
+"""Measured data of a printer and a UR10; curves of joints also for a simulated arm."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_nine_parameters_of_the_printer():
 @pytest.mark.real
 @present(V400)
 def test_19_data_do_not_say_how_long_the_arms_are():
-    """The fit asks for arms off by more than a millimetre; by its own interval that is nothing."""
+    """The fit changes the arms by more than a millimetre, which is within its own interval."""
     folder = V400 / real_v400.MEASURED
     alone, believed = (real_v400.fit(folder, priors) for priors in (False, True))
     arms = [name.startswith("arm") for name in alone.names]
@@ -63,7 +63,7 @@ def test_19_data_do_not_say_how_long_the_arms_are():
         )
         for priors in (False, True)
     ]
-    assert unseen[1] < 0.85 * unseen[0]  # with priors the data that were left out are nearer
+    assert unseen[1] < 0.85 * unseen[0]  # with priors the data left out are predicted better
 
 
 @pytest.mark.real
@@ -75,7 +75,7 @@ def test_what_stays_of_the_meshes_and_what_does_not():
     assert np.corrcoef(one, two)[0, 1] > 0.8
     assert real_v400.rms((one + two) / 2) == pytest.approx(0.038e-3, abs=0.001e-3)
     assert real_v400.rms((one - two) / 2) < 0.015e-3
-    # by height alone leaning towers do as well as a smooth bed: neither can be named
+    # from heights alone, leaning towers and a smooth bed explain this equally well
     stays = (one + two) / 2
     lean = real_v400.lean_share(meshes[0], stays)
     bed = real_v400.bed_share(meshes[0], stays, 4)
@@ -100,7 +100,7 @@ def test_what_stays_has_the_towers_symmetry_and_a_part_of_what_does_not_the_prob
 
 
 def sampled(series, n, seed=1):
-    """Some of the poses, in the order of their measurement."""
+    """Some of the poses, in the order of measurement."""
     rows = np.random.default_rng(seed).choice(len(series.joint), n, replace=False)
     return series.take(np.sort(rows))
 
@@ -111,7 +111,7 @@ def sampled(series, n, seed=1):
     ("name", "before", "after"), [("A", 0.84e-3, 0.44e-3), ("C", 0.99e-3, 0.49e-3)]
 )
 def test_ur10_geometry_and_what_is_left(name, before, after):
-    """Of 1500 poses; all of them: `python benchmarks/real_machines.py ur10`."""
+    """For 1500 poses; `python benchmarks/real_machines.py ur10` uses all of them."""
     series = sampled(real_ur10.read(ARM / real_ur10.SERIES[name]), 1500)
     nominal, full = real_ur10.fits(series)
     assert real_ur10.position_rms(nominal) == pytest.approx(before, abs=0.03e-3)
@@ -121,7 +121,7 @@ def test_ur10_geometry_and_what_is_left(name, before, after):
     geometry = real_ur10.held_out(left)
     warm = dict(real_ur10.extensions(left))["tracker or base by room temperature"]
     gain, half = real_ur10.margin(geometry, real_ur10.held_out(left, warm))
-    assert gain < half + 0.005e-3  # no temperature
+    assert gain < half + 0.005e-3  # no effect of temperature
     curved = real_ur10.held_out(left, real_ur10.curves(left, (0, 1, 2)))
     gain, half = real_ur10.margin(geometry, curved)
     assert gain - half > 0.2e-3
@@ -142,7 +142,7 @@ def test_two_series_four_months_apart_tell_the_same_curve_of_joint_3():
 
 
 def simulated(rng, n, size):
-    """An arm off its drawing whose third joint errs by a wave of 17 cycles; base turned far."""
+    """An arm with errors of its dimensions, a wave of 17 periods in joint 3, and a tilted base."""
     tool, mount = np.array([0.01, -0.02, 0.1]), np.array([0.5, 0.3, -0.8])
     arm = SerialArm(
         replace(UR10, tool=tool, mount=mount), replace(real_ur10.TOLERANCES, tool=1e-3, mount=1e-3)
@@ -177,7 +177,7 @@ def test_without_a_wave_no_extension_helps():
     series = simulated(np.random.default_rng(4), 800, 0.0)
     left = real_ur10.left_by(real_ur10.fits(series)[1], series)
     geometry = real_ur10.held_out(left)
-    assert real_ur10.rms(geometry) < 60e-6  # 52 of them are noise
+    assert real_ur10.rms(geometry) < 60e-6  # 52 um of this are noise
     for name, columns in real_ur10.extensions(left):
         assert real_ur10.margin(geometry, real_ur10.held_out(left, columns))[0] < 1e-6, name
 
@@ -185,7 +185,7 @@ def test_without_a_wave_no_extension_helps():
 @pytest.mark.real
 @present(ARM)
 def test_curves_of_the_joints_foretell_places_that_they_have_not_seen(tmp_path):
-    """By every seventh pose, as the verbs read it; the whole of it is on the page of the arm."""
+    """With every seventh pose, imported as a user would; the arm's page has the full study."""
     lines = (ARM / real_ur10.SERIES["C"]).read_text(encoding="utf-8").splitlines(keepends=True)
     table = tmp_path / "some.csv"
     table.write_text("".join([lines[0], *lines[1::7]]), encoding="utf-8")
@@ -201,4 +201,4 @@ def test_curves_of_the_joints_foretell_places_that_they_have_not_seen(tmp_path):
     held = HeldOutModels(start.fitted((term,)))
     without, with_ = (held.mm(held.terms(m, held.sectors)) for m in ((), (term,)))
     assert with_ < 0.5 * without
-    assert with_ < 0.3  # mm
+    assert with_ < 0.3  # [mm]

@@ -14,7 +14,7 @@ from recording_helpers import NAMES, START_NS, STORE, ros_joints
 
 
 def by_rosbags(records: list[bytes]) -> list[tuple[int, tuple[str, ...], tuple[float, ...]]]:
-    """Stamp, names and positions by another decoder."""
+    """Stamps, names and positions by an independent decoder."""
     rows = []
     for record in records:
         message: Any = STORE.deserialize_cdr(record, JOINT_STATE)
@@ -76,7 +76,8 @@ def irregular(rng: np.random.Generator) -> dict[str, list[bytes]]:
             ros_joints(START_NS + k, NAMES, rng.normal(size=3), little_endian=bool(k % 2))
             for k in range(60)
         ],
-        # Lengths trade places, so that two records have the same size and another layout.
+        # Array lengths are exchanged, so that two records have the same size and different
+        # layouts.
         "same size, other split": [
             ros_joints(START_NS + k, NAMES, rng.normal(size=3), rng.normal(size=1))
             if k % 2
@@ -105,7 +106,7 @@ def test_same_size_but_other_array_lengths_are_not_taken_for_the_same() -> None:
 def test_options_of_the_encapsulation_and_padding_do_not_matter() -> None:
     plain = encode_temperature(START_NS, "ab", 21.0)
     marked = bytearray(plain)
-    marked[2:4] = b"\x00\x03"  # Fast DDS counts padding bytes there
+    marked[2:4] = b"\x00\x03"  # Fast DDS counts padding bytes here
     head = layout_of(plain, TEMPERATURE).first
     marked[head - 1] = 0x5A  # uninitialised padding before the number
     batches, broken = decode([plain, bytes(marked)], TEMPERATURE)
@@ -115,7 +116,7 @@ def test_options_of_the_encapsulation_and_padding_do_not_matter() -> None:
 
 
 def test_eight_bytes_too_many_are_borne() -> None:
-    # What rclpy's serialize_message can leave at the end; rosbags refuses such a record.
+    # rclpy's serialize_message can append these; rosbags refuses such a record.
     record = ros_joints(START_NS, NAMES, [1.0, 2.0, 3.0])
     assert ours([record + bytes(8)]) == by_rosbags([record])
 
@@ -139,7 +140,7 @@ def test_what_is_no_message_is_said(record: bytes, why: str) -> None:
 def test_broken_records_are_counted_and_the_others_decoded() -> None:
     good = regular(np.random.default_rng(4), 6)
     bad = bytearray(good[0])
-    bad[12:16] = struct.pack("<I", 4_000_000)  # the frame's length
+    bad[12:16] = struct.pack("<I", 4_000_000)  # length of the frame
     batches, broken = decode([bytes(bad), *good, b"", bytes(bad)], JOINT_STATE)
     assert broken == 3
     np.testing.assert_array_equal(batches[0].index, np.arange(1, 7))

@@ -18,7 +18,7 @@ from delta_calibration.recording.messages import (
 )
 from recording_helpers import NAMES, START_NS, STORE, ros_header, ros_joints
 
-# As ROS 2 Jazzy's own packages state them.
+# As published in the packages of ROS 2 Jazzy.
 PUBLISHED_HASHES = {
     JOINT_STATE: "RIHS01_a13ee3a330e346c9d87b5aa18d24e11690752bd33a0350f11c5882bc9179260e",
     POSE_STAMPED: "RIHS01_10f3786d7d40fd2b54367835614bff85d4ad3b5dab62bf8bca0cc232d73b4cd8",

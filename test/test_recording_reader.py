@@ -123,7 +123,8 @@ def test_several_files_are_read_in_the_order_listed(tmp_path: Path) -> None:
         rows = [m for k in range(part * 5, part * 5 + 5) for m in (joints(k), pose(k))]
         foreign_mcap(tmp_path / f"bag_{part}.mcap", rows)
         files.append(f"bag_{part}.mcap")
-    # Without metadata.yaml by number (bag_10 after bag_9), with it as it says.
+    # Without metadata.yaml, files are sorted by number (bag_10 after bag_9); with it, as it lists
+    # them.
     read = read_session(tmp_path)
     assert read.states is not None
     np.testing.assert_array_equal(read.states.position[:, 0], np.arange(60))

@@ -1,4 +1,4 @@
-"""Cut recordings, recovered: every reader opens them, nothing is added or changed."""
+"""Recovered recordings can be opened by every reader, and no message is added or changed."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from test_recording_salvage import SENT
 
 
 def cut(folder: Path) -> Path:
-    """A session whose recorder was killed: chunks without an index."""
+    """A session of a killed recorder, with chunks but without an index."""
     writer = SessionWriter(folder, {"machine": "seven"})
     for row in SENT:
         writer.write(row[0], row[1], row[2], row[3])

@@ -112,7 +112,7 @@ def test_zeros_at_the_end_as_after_a_power_failure(foreign: Path, tmp_path: Path
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: len(whole) // 2] + bytes(5000))
     rows, notes = rows_of(cut)
-    # Without chunks nothing has a checksum: the message that was being written can't be told.
+    # Without chunks there is no checksum, so a partly written last message cannot be recognised.
     sure = rows[:-1] if "unchunked" in str(foreign) else rows
     assert len(sure) > 100
     assert sure == SENT[: len(sure)]
@@ -154,7 +154,7 @@ def test_damage_to_a_length_in_a_closed_file_is_not_called_a_cut(tmp_path: Path)
         tmp_path / "bag.mcap", SENT, chunked=False, compression=CompressionType.NONE
     )
     data = bytearray(path.read_bytes())
-    at = data.find(SENT[40][3]) - 22 - 8  # the length of the record that holds it
+    at = data.find(SENT[40][3]) - 22 - 8  # length of the record that contains it
     data[at : at + 8] = (2**40).to_bytes(8, "little")
     path.write_bytes(data)
     messages, notes = read_messages(path)
@@ -197,7 +197,7 @@ def test_a_writer_killed_by_sigkill_leaves_a_readable_session(tmp_path: Path) ->
     assert session.states is not None
     assert session.tracker is not None
     n = len(session.states.stamp_ns)
-    # A 64 KiB chunk holds less than 600 messages of both topics together; they may be lost.
+    # A 64 KiB chunk holds fewer than 600 messages of both topics together, which may be lost.
     assert written - 300 <= n
     np.testing.assert_array_equal(session.states.position[:, 0], np.arange(n))
     np.testing.assert_array_equal(

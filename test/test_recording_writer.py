@@ -69,7 +69,7 @@ def test_rosbags_reads_it(tmp_path: Path) -> None:
     session = make_session(np.random.default_rng(7))
     write_session(tmp_path / "s", session, {"seed": "1"})
     positions = []
-    with AnyReader([tmp_path / "s"]) as reader:  # checks the hashes against the definitions
+    with AnyReader([tmp_path / "s"]) as reader:  # compares hashes with definitions
         assert {c.topic for c in reader.connections} == RECORDED
         assert reader.message_count == 3 * 200 + 2 * 20 + 4
         named = [c for c in reader.connections if c.topic == "/joint_states"]
@@ -85,7 +85,7 @@ def test_rosbags_reads_it(tmp_path: Path) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*module is deprecated:DeprecationWarning")
 def test_mcap_ros2_reads_it(tmp_path: Path) -> None:
-    from mcap_ros2.reader import read_ros2_messages  # deprecated, and what many people use
+    from mcap_ros2.reader import read_ros2_messages  # deprecated, but widely used
 
     session = make_session(np.random.default_rng(8))
     write_session(tmp_path / "s", session)
@@ -263,7 +263,7 @@ def test_a_full_disk_is_said_and_what_was_written_stays(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     writer = SessionWriter(tmp_path / "s")
-    write_joints(writer, 600)  # one chunk is out
+    write_joints(writer, 600)  # one chunk has been written
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(
         InputError, match=r"s: writing failed after 600 messages: No space left on device"

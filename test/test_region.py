@@ -26,7 +26,7 @@ def test_only_corners_are_kept_and_all_points_are_inside():
     region = Region.of(points)
     assert {tuple(v) for v in region.vertices} == {tuple(v) for v in CUBE}
     assert region.outside(points).max() < 1e-9
-    again = Region(region.vertices)  # as a file would bring it back
+    again = Region(region.vertices)  # as read from a file
     np.testing.assert_allclose(again.outside(points), region.outside(points), atol=1e-9)
 
 
@@ -37,7 +37,7 @@ def test_any_shape_of_points():
 
 @pytest.mark.parametrize("bumps", [0.0, 1e-6, 1e-3])
 def test_a_disc_ends_at_its_rim_in_its_own_plane_too(bumps):
-    """Poses of the plans `disc` and `line` lie in one plane, but for the encoders' noise."""
+    """Poses of the plans `disc` and `line` lie in one plane, except for encoder noise."""
     rng = np.random.default_rng(2)
     turn = np.linspace(0, 2 * np.pi, 60, endpoint=False)
     disc = np.stack(
@@ -74,10 +74,10 @@ def test_a_sample_fills_the_region_and_its_margin_and_nothing_else(flat):
     outside = region.outside(found)
     assert outside.max() <= margin
     boundary = np.abs(outside - margin) < 1e-8
-    assert boundary[: len(region.vertices)].all()  # beyond the corners
+    assert boundary[: len(region.vertices)].all()  # outside the corners
     assert boundary.sum() >= 1000
     assert (outside < 0.5 * margin).sum() > (100 if flat else 1000)
-    # no direction is left out: each half space by the middle holds its share
+    # all directions are covered: each half space through the centre has its share
     middle = region.vertices.mean(axis=0)
     for way in rng.standard_normal((20, 3)):
         assert 0.2 < np.mean((found - middle) @ way > 0) < 0.8

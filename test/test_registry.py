@@ -1,4 +1,4 @@
-"""Classes of installed packages beside the package's own."""
+"""Classes of installed packages, added to those of this package."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Kind:
 
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """A distribution on the path whose entry point is given."""
+    """Install a distribution with the given entry point."""
 
     def install(entry: str, source: str) -> Registry[Kind]:
         info = tmp_path / "another-1.0.dist-info"
@@ -67,7 +67,7 @@ def test_an_entry_that_will_not_do_is_named(installed, entry: str, said: str) ->
 
 
 def test_a_foreign_module_may_be_imported_first(tmp_path: Path) -> None:
-    """Its import of this package must not look for it before it is there."""
+    """When it imports this package, the registry must not load its unfinished module."""
     info = tmp_path / "another-1.0.dist-info"
     info.mkdir()
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: another\nVersion: 1.0\n")

@@ -1,4 +1,4 @@
-"""The report: its numbers against what was hidden, its page, files and words."""
+"""The report: its numbers compared with the hidden causes, its page, files and words."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ HEADINGS = (
 
 @cache
 def elsewhere(name: str) -> Judged:
-    """Another robot's session, diagnosed."""
+    """Diagnosis of a simulated session of another robot."""
     robot = load_robot(name)
     machine, plan = draw_machine(robot, 4), make_plan("identify", robot, count=24, seed=4)
     seen = survey(
@@ -81,20 +81,20 @@ def elsewhere(name: str) -> Judged:
     ("name", "along"), [("five_axis", "y"), ("linear_delta", "z"), ("scara", "x")]
 )
 def test_another_robot_s_line_is_its_own(name: str, along: str) -> None:
-    """Not the Delta paper's, whose figures say nothing of it; along what it moves in."""
+    """The line follows the robot's own axes, and the numbers of the Delta paper are not shown."""
     robot = load_robot(name)
     line = along_line(elsewhere(name), robot)
     assert line is not None
     assert "xyz"[line.way] == along
     assert np.ptp(line.along) > 0.05
-    assert line.inside.mean() > 0.5  # wherever the tool sits on the platform
+    assert line.inside.mean() > 0.5  # wherever the tool is on the platform
     shown, table = line_figure(line), line_table(line)
     told = " ".join((shown.title, shown.caption, str(shown.panels), str(table)))
     assert not any(word in told for word in ("paper", "Pan,", "711 mm"))
 
 
 def test_a_model_less_itself_is_no_error() -> None:
-    """Where nothing extends it, the calibrated model is the last: no row of zeros, no curve."""
+    """Without an extension the calibrated model is the last: no row of zeros, no curve."""
     judged = elsewhere("five_axis")
     assert not judged.diagnosis.verdict.findings
     line = along_line(judged, load_robot("five_axis"))
@@ -136,7 +136,7 @@ def page(report: Report) -> str:
 
 
 class Elements(HTMLParser):
-    """Tags with their attributes, and the text outside of scripts and styles."""
+    """Tags with attributes, and the text outside scripts and styles."""
 
     def __init__(self, page: str) -> None:
         super().__init__()
@@ -165,11 +165,11 @@ def figure(report: Report, name: str):
     return next(f for f in report.figures() if f.name.startswith(name))
 
 
-# --- numbers against what was hidden
+# --- numbers compared with the hidden causes
 
 
 def test_the_residual_shows_the_hidden_play_by_direction(report: Report) -> None:
-    """Up less down is the gap, whatever the fit says: taken from the measured points alone."""
+    """The measured points alone show the gap as the difference between up and down."""
     shown = figure(report, "giveaway_1")
     gaps = list(hidden().hidden.values["backlash"].values())
     steps = []
@@ -181,7 +181,7 @@ def test_the_residual_shows_the_hidden_play_by_direction(report: Report) -> None
 
 
 def test_the_error_that_calibration_leaves_on_the_line_is_half_the_play() -> None:
-    """|J gap / 2| with J from differences of the three-sphere Delta, another mechanism."""
+    """|J gap / 2|, with J from differences of the independent three-sphere model."""
     line = along_line(Judged.of(found()), ROBOT)
     assert line is not None
     plan = make_plan("line", ROBOT, count=len(line.target), both_sides=False)
@@ -246,7 +246,7 @@ def test_the_page_says_what_was_found(page: str, report: Report) -> None:
 
 def test_what_strings_hold_is_shown_and_not_obeyed(page: str) -> None:
     elements = Elements(page)
-    assert [tag for tag, _ in elements.tags].count("script") == 3  # plotly, the plots, ours
+    assert [tag for tag, _ in elements.tags].count("script") == 3  # plotly, the plots, own code
     assert not [tag for tag, _ in elements.tags if tag in ("img", "iframe", "object", "b")]
     assert not [a for _, attrs in elements.tags for a in attrs if a.startswith("on")]
     text = elements.whole()
@@ -298,11 +298,11 @@ def test_plotly_takes_every_panel(report: Report) -> None:
     objects = pytest.importorskip("plotly.graph_objects")
     for shown in report.figures():
         for panel in shown.panels:
-            objects.Figure(plot_of(panel))  # refuses what it does not know
+            objects.Figure(plot_of(panel))  # refuses unknown properties
 
 
 def test_a_rule_on_a_logarithmic_axis_has_its_name_at_its_value() -> None:
-    """Plotly takes the line at the value, the name at its logarithm."""
+    """Plotly takes the value for the line, and its logarithm for the name."""
     panel = Panel("", Axis("x [1]", log=True), Axis("y [1]"), (Rule("r", 100.0, upright=True),))
     layout = plot_of(panel)["layout"]
     assert layout["shapes"][0]["x0"] == 100.0
@@ -319,7 +319,7 @@ def test_names_of_rules_beside_each_other_stand_apart() -> None:
 
 
 def test_a_square_panel_of_a_narrow_page_has_few_names() -> None:
-    """Its height is its width; thirty names were one line over the other at 400 px."""
+    """A square panel is as high as it is wide; at 400 px thirty names would overlap."""
     for equal, most in ((True, 16), (False, 30)):
         names = tuple(f"p {k}" for k in range(30))
         panel = Panel("", Axis("x [1]"), Axis("", names=names), (), equal=equal)
@@ -404,7 +404,7 @@ def test_figures_carry_the_robots_own_names() -> None:
 
 def test_figures_as_pictures(report: Report, tmp_path: Path) -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot", reason="needs the extra [report]")
-    few = replace(report, sections=report.sections[2:4])  # names with a dollar within
+    few = replace(report, sections=report.sections[2:4])  # some names contain a dollar sign
     paths = write_figures(few, tmp_path)
     assert [p.stem for p in paths] == [f.name for f in few.figures()]
     for path in paths:
@@ -457,7 +457,7 @@ def test_a_scale_that_is_not_logarithmic_has_even_ticks() -> None:
 
 
 def test_maps_show_the_planes_that_a_machine_works_in_and_are_not_empty() -> None:
-    """A five-axis machine works across x, a SCARA in a plane off which noise lifts its poses."""
+    """The poses of a five-axis machine vary across x, those of a SCARA in a horizontal plane."""
     rng = np.random.default_rng(0)
     spread = 0.2 * rng.uniform(-1, 1, (60, 3))
     for flat, title in ((0, "Section, x = "), (2, "Seen from above, z = ")):
@@ -480,7 +480,7 @@ def test_joints_that_slide_are_drawn_in_mm() -> None:
 
 
 def test_a_narrow_map_has_few_level_ticks() -> None:
-    """Seven ticks under a strip were turned upright by plotly."""
+    """Plotly turns seven tick labels under a narrow map upright."""
     wide, high = np.array([-1.0, np.nan, 1.0]), np.array([-5.0, 0.0, 5.0])
 
     def ticks(x: np.ndarray, y: np.ndarray) -> dict[str, object]:
@@ -495,7 +495,7 @@ def test_a_narrow_map_has_few_level_ticks() -> None:
 def test_a_mistake_in_the_session_is_told_first(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A tracker that was moved by 10 mm: the page told of a drift of the tracker."""
+    """The tracker is moved by 10 mm; without the warning it would look like a drift."""
     recorded = read_session(Path(__file__).parents[1] / "bags" / "srbd_plain")
     tracker = recorded.tracker
     place = tracker.position.copy()

@@ -1,4 +1,4 @@
-"""The page in a real browser: nothing asked of any host, no error, plots drawn, both widths."""
+"""The page in a browser: no request to any host, no error, plots drawn, at two widths."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def plots(chrome: Browser) -> list[str]:
 
 
 def opened(chrome: Browser, page: Path, width: int) -> None:
-    """The page in a window so high that every plot is drawn."""
+    """Open the page in a window high enough to draw every plot."""
     chrome.open(page, width, TALL)
     for _ in range(60):
         if chrome.run("document.querySelectorAll('.plot:not(.js-plotly-plot)').length") == 0:
@@ -68,7 +68,7 @@ def test_no_error_no_request_and_the_plots_are_drawn(
             ".getBoundingClientRect(); return [b.x, b.y + scrollY, b.width, b.height]; })()"
         )
         inside = whole[int(y) : int(y + high), int(x) : int(x + wide)]
-        coloured = (np.ptp(inside, axis=-1) > 0.15).mean()  # data are coloured, axes grey
+        coloured = (np.ptp(inside, axis=-1) > 0.15).mean()  # data are coloured, axes are grey
         assert coloured > 5e-4, id_
 
 
@@ -98,7 +98,7 @@ def test_a_window_made_narrow_draws_again(chrome: Browser, page: Path) -> None:
 def test_a_square_picture_has_no_empty_frame_in_a_narrow_window(
     chrome: Browser, page: Path
 ) -> None:
-    """Correlations, whose names take half of the width, and no more names than lines of text."""
+    """The names of the correlations take half of the width, and each needs a line of text."""
     opened(chrome, page, NARROW)
     chrome.settle(0.5)
     high, drawn, names = chrome.run(
@@ -112,7 +112,7 @@ def test_a_square_picture_has_no_empty_frame_in_a_narrow_window(
 
 
 def test_a_window_made_wide_draws_as_if_it_had_been(chrome: Browser, page: Path) -> None:
-    """No picture stays low, and no name away, after a narrow window."""
+    """After a narrow window, pictures have their height and names again."""
     look = (
         "(() => { const p = document.getElementById('plot-correlations-0');"
         "return [p.clientHeight, p.querySelector('.main-svg').getBoundingClientRect().height,"
@@ -136,7 +136,7 @@ def test_names_are_text(chrome: Browser, page: Path) -> None:
 
 
 def test_it_is_printed_with_its_plots(chrome: Browser, page: Path) -> None:
-    """A page that was never scrolled: what is not drawn yet has to be drawn before printing."""
+    """Plots of a page that was not scrolled have to be drawn before printing."""
     chrome.open(page, WIDE, 600)
     drawn = "document.querySelectorAll('.js-plotly-plot').length"
     assert chrome.run(drawn) < len(plots(chrome))

@@ -1,4 +1,4 @@
-"""The robot's file in SI, its limits, and how a robot is found by name."""
+"""Robot files: conversion to SI, limits, and robots by name."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_limits_are_one_a_joint(tmp_path, values):
 
 
 def robot_like(tmp_path, name, old, new):
-    """A robot of the package with something else in its file."""
+    """A robot of the package with a change in its file."""
     text = Path(load_robot(name).source).read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "cell.yaml"
@@ -81,7 +81,7 @@ def robot_like(tmp_path, name, old, new):
 
 
 TOWERS = "angles_deg: [210.0, 330.0, 90.0]"
-DRAWINGS = {  # robot, what is replaced by what, what is said
+DRAWINGS = {  # robot, text, its replacement, message
     "towers in one place": (
         "linear_delta",
         TOWERS,
@@ -161,7 +161,7 @@ def test_drawings_of_no_machine_are_refused_by_their_keys_in_their_units(tmp_pat
 
 
 def test_what_joints_cannot_take_is_said_in_their_unit():
-    """Of joints that slide as of joints that turn; a place stays one in metres."""
+    """Joint values have the unit of the joints, m or rad; places are in metres."""
     none = np.full((1, 3), np.nan)
     for name, unit in (("linear_delta", "m"), ("srbd", "rad")):
         model = load_robot(name).commanded

@@ -1,4 +1,4 @@
-"""`delta-cal robot`: files checked, drawn, written by questions, and taken from a URDF."""
+"""`delta-cal robot`: files are checked, drawn, written from answers, and converted from URDF."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_an_entry_in_another_unit_is_named(name, path, value, said) -> None:
 
 
 def test_a_small_delta_without_a_workspace_is_told_to_add_one() -> None:
-    """Half the size of the paper's, which reaches none of its region."""
+    """Half the size of the paper's Delta; it reaches nothing of that robot's region."""
     data = robot_document("srbd")[1]
     sizes = {"base_radius_mm": 100.0, "platform_radius_mm": 30.0, "arm_mm": 160.0, "rod_mm": 425.0}
     small = {**data, "geometry": {**data["geometry"], **sizes}}
@@ -106,7 +106,7 @@ def test_limits_in_radians_and_a_machine_in_metres_are_named() -> None:
 
 @pytest.mark.parametrize("name", ["srbd", "five_axis", "scara"])
 def test_what_tolerances_make_of_a_machine_is_what_drawn_machines_show(name: str) -> None:
-    """Against machines drawn one by one, each put where it fits best."""
+    """Compared with machines drawn at random, each in its best-fit frame."""
     robot = load_robot(name)
     model = robot.commanded
     joint = make_plan("identify", robot, count=40, both_sides=False).joint
@@ -159,7 +159,7 @@ def test_zeros_of_drives_in_radians_are_doubted(tmp_path: Path) -> None:
 
 
 def test_an_arrow_points_the_way_a_joint_moves() -> None:
-    """A Delta's arm goes down, a carriage of the linear one towards the bed, with its joint."""
+    """The arm of a Delta goes down; carriages of the linear Delta move as the platform does."""
     delta = Pose.home(load_robot("srbd"))
     for number, joint in enumerate(_driven(load_robot("srbd"), delta)):
         way = _motion(delta, joint)
@@ -177,7 +177,7 @@ def test_an_arrow_points_the_way_a_joint_moves() -> None:
 
 
 def test_a_drawing_shows_how_drives_read(tmp_path: Path) -> None:
-    """A motor that counts the other way: its arrow goes up, and its zero lies where it reads 0."""
+    """If a motor counts the other way, its arrow points up; its zero is where it reads 0."""
     robot = robot_from(other_document("srbd"), "srbd")
     plain, pose = Pose.home(load_robot("srbd")), Pose.home(robot)
     for known, joint, sign in zip(
@@ -235,7 +235,7 @@ def test_a_file_written_with_comments_is_the_same_robot(name: str, tmp_path: Pat
 
 def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
     out = tmp_path / "mine.yaml"
-    # name, base radius; an arm of no length is refused and asked for again; the rest as proposed
+    # name, base radius; zero length of the arm is refused and asked again; then the proposals
     typed = "mine\n210\n\n0\n330\n" + "\n" * 40
     done = run("new", "--like", "srbd", "--out", out, typed=typed)
     assert done.exit_code == 0, done.output
@@ -263,7 +263,7 @@ def test_answers_are_what_the_file_says(tmp_path: Path) -> None:
 def test_questions_that_nobody_answers_end(
     tmp_path: Path, arguments: tuple[str, ...], typed: str, said: str
 ) -> None:
-    """Input from a pipe that accepts everything, or from none: an error, and no endless loop."""
+    """Without usable answers from a pipe the command ends with an error, not in a loop."""
     done = run("new", *arguments, "--out", tmp_path / "mine.yaml", typed=typed)
     assert isinstance(done.exception, InputError)
     assert done.exception.exit_code == 2
@@ -278,7 +278,7 @@ def test_kinds_of_robots_are_told_apart_before_one_is_asked_for(tmp_path: Path) 
 
 
 def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
-    """Enter leaves it out; what is typed is checked at once."""
+    """Enter leaves an entry out; other answers are checked at once."""
     out = tmp_path / "mine.yaml"
     own = {
         "geometry.azimuths_deg": ["0, 120", "10, 250, 130"],
@@ -306,10 +306,10 @@ def test_how_drives_read_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_links_of_an_arm_are_asked_for_one_by_one(tmp_path: Path) -> None:
-    """Three links by the answers to every entry; what is proposed for joints follows."""
+    """Three links with answers for all entries; the proposed joints follow from them."""
     out = tmp_path / "mine.yaml"
     first, second = ["0", "0", "300", "90", "", ""], ["90", "20", "", "", "true", "3"]
-    third = ["0", "400", "0", "", "yes", "true", ""]  # `yes` is no truth value
+    third = ["0", "400", "0", "", "yes", "true", ""]  # `yes` is not a boolean
     typed = ["mine", "3", *first, *second, *third, *[""] * 40]
     done = run("new", "--like", "scara", "--out", out, typed="\n".join(typed) + "\n")
     assert "links[2].parallel: yes is not allowed; true or false" in done.output
@@ -324,7 +324,7 @@ def test_links_of_an_arm_are_asked_for_one_by_one(tmp_path: Path) -> None:
 
 
 def test_one_limit_stands_for_all_joints_and_an_interrupted_file_is_kept(tmp_path: Path) -> None:
-    """The answers end after the first limit; what was typed until then is in the file."""
+    """The input ends after the first limit; the earlier answers are in the file."""
     out = tmp_path / "mine.yaml"
     names = [e.name for e in entries("rotary_delta")]
     asked = names[: names.index("joints.lower_deg")]
@@ -378,7 +378,7 @@ def test_the_reference_page_is_current() -> None:
 
 
 def _keys(section: object, path: str = "") -> Iterator[str]:
-    """Paths of all entries that a file holds, `[]` for those of a list of sections."""
+    """Paths of all entries in a file; `[]` stands for a list of sections."""
     if isinstance(section, dict):
         for key, value in section.items():
             yield from _keys(value, f"{path}.{key}" if path else key)
@@ -391,7 +391,7 @@ def _keys(section: object, path: str = "") -> Iterator[str]:
 
 @pytest.mark.parametrize("name", known_robots())
 def test_the_reference_page_has_every_entry_of_a_file(name: str) -> None:
-    """Those of the sections in a list as well, such as the links of an arm."""
+    """Including entries in lists of sections, such as the links of an arm."""
     page = reference()
     own = set(_keys(robot_document(name)[1])) - {"schema", "name", "mechanism"}
     assert {key for key in own if f"| `{key}` |" not in page} == set()
@@ -420,7 +420,7 @@ def urdf(path: Path, joints: list[dict[str, str]], masses: dict[str, float] | No
 
 
 def crooked(count: int = 6) -> list[dict[str, str]]:
-    """An arm whose frames lie anywhere and turn about any axis, its first joint upright."""
+    """An arm with arbitrary frames and axes; only its first joint is vertical."""
     rng = np.random.default_rng(11)
     rows = []
     for k in range(count):
@@ -442,7 +442,7 @@ def crooked(count: int = 6) -> list[dict[str, str]]:
 
 
 def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
-    """By the tests' own reader of URDF."""
+    """Compared with the independent URDF reader of the tests."""
     file = urdf(tmp_path / "arm.urdf", crooked(), {"l2": 3.0, "tool": 0.5, "l6": 1.0})
     data = robot_from_urdf(file)
     robot = robot_from(data, "arm.yaml")
@@ -478,7 +478,7 @@ def test_there_and_back(name: str, tmp_path: Path) -> None:
 
 
 def with_fingers() -> list[dict[str, str]]:
-    """The arm with a hand of two fingers that slide."""
+    """The arm with a gripper of two sliding fingers."""
     finger = {"kind": "prismatic", "parent": "tool", "xyz": "0 0 0.1", "rpy": "0 0 0"}
     sides = [("left", "0 1 0"), ("right", "0 -1 0")]
     return [*crooked(), *({**finger, "name": s, "child": s, "axis": a} for s, a in sides)]
@@ -511,7 +511,7 @@ def changed(row: int, **values: str) -> list[dict[str, str]]:
 
 
 def on_a_pedestal() -> list[dict[str, str]]:
-    """The arm stands beside the origin of the world, and is turned."""
+    """The arm stands away from the origin of the world, and is rotated."""
     foot = {"name": "foot", "kind": "fixed", "parent": "world", "child": "base"}
     return [{**foot, "xyz": "0.5 -0.3 0.8", "rpy": "0 0 0.3", "axis": "1 0 0"}, *crooked()]
 
@@ -543,7 +543,7 @@ def test_an_arm_on_a_pedestal_is_read_from_its_own_base(tmp_path: Path) -> None:
 
 
 def test_a_joint_between_links_that_are_not_there_is_refused(tmp_path: Path) -> None:
-    """A name typed wrong would end the chain before it, and an arm of two joints come out."""
+    """Otherwise a mistyped name would end the chain, and give an arm of two joints."""
     file = urdf(tmp_path / "arm.urdf", crooked())
     text = file.read_text(encoding="utf-8").replace('child link="l2"', 'child link="l22"')
     file.write_text(text, encoding="utf-8")
@@ -567,13 +567,13 @@ def test_a_file_that_is_no_urdf_is_refused(text, said, tmp_path: Path) -> None:
 
 
 def test_a_workspace_is_asked_for_and_its_size_once_there_is_a_centre(tmp_path: Path) -> None:
-    """Without one a Delta of another size than `srbd` cannot be planned for."""
+    """Without a workspace no plan is possible for a Delta of another size than `srbd`."""
     out = tmp_path / "mine.yaml"
     typed = "mine\n"
     for entry in entries("six_rod_delta"):
         given = value_at(robot_document("srbd")[1], entry.path)
         if entry.path == ("workspace", "centre_mm"):
-            typed += "0, 0, -700\n\n400, 400, 100\n"  # the size is needed: Enter is refused
+            typed += "0, 0, -700\n\n400, 400, 100\n"  # the size is required: Enter is refused
         elif given is not None or entry.path in OFFERED:
             typed += "\n"
     done = run("new", "--like", "srbd", "--out", out, typed=typed)
@@ -584,7 +584,7 @@ def test_a_workspace_is_asked_for_and_its_size_once_there_is_a_centre(tmp_path: 
 
 
 def small_delta() -> str:
-    """Answers for a desk Delta, a quarter as large as the one whose values are proposed."""
+    """Answers for a small Delta, a quarter of the size of the proposed values."""
     own = {"base_radius_mm": "50", "platform_radius_mm": "14", "arm_mm": "0.08\n80"}
     own |= {"rod_mm": "212", "half_width_mm": "10"}
     typed = "desk\n"
@@ -596,7 +596,7 @@ def small_delta() -> str:
 
 
 def test_a_workspace_is_proposed_for_a_machine_of_another_size(tmp_path: Path) -> None:
-    """And an answer that is in another unit is asked for once more."""
+    """An answer that seems to be in another unit is asked for again."""
     out = tmp_path / "desk.yaml"
     done = run("new", "--like", "srbd", "--out", out, typed=small_delta())
     assert done.exit_code == 0, done.output
@@ -618,7 +618,7 @@ def test_an_answer_that_is_given_twice_is_meant(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["srbd", "linear_delta", "scara", "five_axis", "cdpr8"])
 def test_a_machine_can_be_measured_all_over_its_largest_box(name: str) -> None:
-    """At places of it by lot, by joints that bring the tool there; one a third larger has none."""
+    """At random places in it; a box that is a third larger cannot be reached completely."""
     robot = load_robot(name)
     box, rng = largest_box(robot), np.random.default_rng(3)
     place = box.centre + rng.uniform(-0.5, 0.5, (300, 3)) * box.size
@@ -630,7 +630,7 @@ def test_a_machine_can_be_measured_all_over_its_largest_box(name: str) -> None:
 
 
 def test_a_box_is_no_larger_than_a_robot_file_may_say() -> None:
-    """A SCARA of arms of six metres reaches twelve."""
+    """A SCARA with arms of six metres reaches twelve metres."""
     data = robot_document("scara")[1]
     geometry = data["geometry"]
     geometry["links"] = [{**a, "length_mm": 12 * a["length_mm"]} for a in geometry["links"]]
@@ -641,7 +641,7 @@ def test_a_box_is_no_larger_than_a_robot_file_may_say() -> None:
 
 
 def test_numbers_that_are_none_are_refused_at_once() -> None:
-    """And one beyond all floats, which has no upper bound in the schema."""
+    """Including an integer beyond all floats, for which the schema has no upper bound."""
     for entry in entries("six_rod_delta"):
         for typed in (".nan", ".inf", "1" + "0" * 400):
             with pytest.raises(InputError):

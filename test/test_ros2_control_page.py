@@ -1,7 +1,7 @@
-"""The controller of docs/ros2_control.md, compiled against stand-ins of ros2_control and run.
+"""The controller of docs/ros2_control.md, compiled with stand-ins of ros2_control, and run.
 
-The stand-ins have what the controller uses of the classes, by their API documents, and no more:
-that it builds with ros2_control itself is not shown here.
+The stand-ins follow the API documents and have only what the controller uses. The test does not
+show that it builds with ros2_control itself.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The bench and a real node: what it says arrives, orders reach it, and nothing stays behind."""
+"""The bench with a real node: it shows the node's messages, passes orders on, and ends cleanly."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def until(condition: Callable[[], object]) -> None:
 
 
 def answer(cell: Cell, order: str) -> Answer:
-    """What came of an order."""
+    """Send an order and return its answer; another order in the meantime is refused."""
     cell.order(NODE, order)
     with pytest.raises(MistakeError, match="has not answered"):
         cell.order(NODE, order)

@@ -1,4 +1,4 @@
-"""The calibration node in this process: what it sends, what it refuses, what it survives."""
+"""The calibration node in this process: its outputs, refusals and robustness."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_a_command_is_passed_through_compensated_and_passed_again(
     assert (stamp_to_ns(out.header.stamp), out.header.frame_id) == (stamp + 1, MARK)
     correction = positions(out) - Q
     assert np.abs(correction).max() > CLEARLY
-    # What the compensation is for: the true tool is nearer to where the nominal robot meant it.
+    # The true tool gets nearer to the place that the nominal robot was meant to reach.
     errors = [true_error(cell.node._desk, q) for q in (Q, positions(out))]
     assert errors[1] < 0.1 * errors[0]
 
@@ -74,7 +74,7 @@ def test_a_command_is_passed_through_compensated_and_passed_again(
 
 
 def true_error(desk: CalibrationSession, q: np.ndarray) -> float:
-    """Distance of the true tool at q from the nominal one at Q, in the calibration's base [m]."""
+    """Distance of the true tool at q from the nominal tool at Q, in the calibrated base [m]."""
     reading = MACHINE.chain.predict(at_rest(q[None]), MACHINE.theta)
     reached = desk.calibration.tool_points(reading, q[None])[0]
     nominal = ROBOT.model("rotary_delta")
@@ -93,7 +93,7 @@ def test_a_table_is_ready_when_the_node_is_configured(bench: Bench, file: Path) 
 
 
 def test_the_correction_comes_without_a_jump(bench: Bench, file: Path) -> None:
-    cell = Cell(bench, calibration=file, ramp_s=4.0)  # long beside any hold-up of the machine
+    cell = Cell(bench, calibration=file, ramp_s=4.0)  # longer than any delay of this computer
     cell.give(Q, T0_NS)
     assert cell.call("enable", True)[0]
     end = time.monotonic() + 4.5
@@ -129,7 +129,7 @@ def test_malformed_commands_are_refused_told_and_dropped_or_held(
     bench: Bench, on_failure: str
 ) -> None:
     cell = Cell(bench, on_failure=on_failure)
-    assert cell.answer(BAD["found []"]()) is None  # nothing to hold yet
+    assert cell.answer(BAD["found []"]()) is None  # no command to hold yet
     good = cell.give(Q)
     for said, make in BAD.items():
         out = cell.answer(make())
@@ -141,7 +141,7 @@ def test_malformed_commands_are_refused_told_and_dropped_or_held(
     assert cell.diagnosed("joint_command: JointState")
     assert cell.value("joint_command refused") == "5"
     back = positions(cell.give(Q + 0.01))
-    if on_failure == "hold":  # a ramp long, from where it was held
+    if on_failure == "hold":  # a ramp starts at the held command
         assert (back < Q + 0.005).all()
         for _ in range(25):
             bench.spin_for(0.05)
@@ -168,7 +168,7 @@ def test_beyond_the_region_a_command_passes_or_the_last_good_one_is_held(
     cell = Cell(bench, calibration=file, ramp_s=0.0)
     assert cell.call("enable", True)[0]
     good = positions(cell.give(Q))
-    far = np.full(3, 1.2)  # far below all that was measured
+    far = np.full(3, 1.2)  # far below the measured poses
     np.testing.assert_array_equal(positions(cell.give(far)), far)
     assert cell.diagnosed("outside the calibrated region")
     cell.node.set_parameters([Parameter("on_failure", value="hold")])
@@ -252,7 +252,7 @@ def test_where_the_drives_stand_is_known_before_the_node_is_active(bench: Bench)
 
 
 def test_a_stop_of_the_process_sends_nothing_stale_and_is_told(bench: Bench) -> None:
-    """The node is not spun for half a second while commands come at 200 Hz."""
+    """The node is not spun for half a second while commands arrive at 200 Hz."""
     cell = Cell(bench)
     for _ in range(10):
         cell.give(Q, time.time_ns())
@@ -264,7 +264,7 @@ def test_a_stop_of_the_process_sends_nothing_stale_and_is_told(bench: Bench) -> 
     assert cell.diagnosed("stood still")
     sent = np.array([positions(m) for m in cell.sent[before:]])
     assert 1 <= len(sent) < 5
-    np.testing.assert_allclose(sent[0], Q)  # no jump to where the commands are by now
+    np.testing.assert_allclose(sent[0], Q)  # no jump to the present commands
     assert int(cell.value("command late, a newer one sent")) > 90
 
 
@@ -306,7 +306,7 @@ GAP = 4e-4  # [rad]
 
 
 def extended(desk: CalibrationSession, folder: Path, effects: Effects) -> Path:
-    """A calibration file with effects in it."""
+    """A calibration file with effects."""
     path = folder / "extended.yaml"
     save_calibration(
         path, with_effects(desk.fitted.found, ROBOT, effects), ROBOT, desk.fitted.poses
@@ -315,7 +315,7 @@ def extended(desk: CalibrationSession, folder: Path, effects: Effects) -> Path:
 
 
 def come(cell: Cell, begin: np.ndarray, stamp_ns: int) -> np.ndarray:
-    """The correction at Q after a move there from `begin`, and a moment at rest."""
+    """Correction at Q after a move from `begin` and a moment at rest."""
     way = [begin + share * (Q - begin) for share in np.linspace(0.0, 1.0, 6)] + [Q] * 3
     for k, q in enumerate(way):
         out = cell.give(q, stamp_ns + k * 20_000_000)
@@ -331,7 +331,7 @@ def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
     assert cell.value("effects left out").startswith(
         "joint_zero_drift: found in the session but not"
     )
-    inward = -np.sign(Q) * 0.02  # stays within the region
+    inward = -np.sign(Q) * 0.02  # inside the region
     yes, _ = cell.call("enable", True)
     assert yes
     unknown = positions(cell.give(Q, T0_NS)) - Q
@@ -341,7 +341,7 @@ def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
     np.testing.assert_allclose(outward - back, GAP * np.sign(-inward), atol=1e-7)
     np.testing.assert_allclose(unknown, (outward + back) / 2, atol=1e-7)
     cell.node.trigger_deactivate()
-    cell.node.trigger_activate()  # who knows where it was moved meanwhile
+    cell.node.trigger_activate()  # it may have been moved in the meantime
     assert cell.call("enable", True)[0]
     np.testing.assert_allclose(positions(cell.give(Q, T0_NS)) - Q, unknown, atol=1e-7)
 
@@ -357,7 +357,7 @@ def test_a_correction_that_steps_is_held_to_the_rate_of_the_parameter(
     cell.node.set_parameters([Parameter("max_correction_rate", value=1e-4)])
     turned = positions(cell.give(Q + 0.1 * inward, T0_NS + 10**9)) - (Q + 0.1 * inward)
     free = GAP / 2 * np.ones(3)
-    assert (np.abs(turned - before) < free).all()  # 0.2 mrad take 2 s, the next command is sooner
+    assert (np.abs(turned - before) < free).all()  # 0.2 mrad take 2 s, the next command 1 s
     cell.node.set_parameters([Parameter("max_correction_rate", value=100.0)])
     bench.spin_for(0.05)
     turned = positions(cell.give(Q + 0.1 * inward, T0_NS + 2 * 10**9)) - (Q + 0.1 * inward)
@@ -400,11 +400,11 @@ def test_what_a_model_needs_to_know_is_asked_for_on_diagnostics(
 
 
 def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: Bench) -> None:
-    """Simulated time without a `/clock`, and a stamp far ahead, let every command through."""
+    """Such as simulated time without `/clock`, and a stamp far in the future."""
     cell = Cell(bench, command_timeout_s=0.5, use_sim_time=True)
     assert cell.give(Q) is None
     assert cell.diagnosed("use_sim_time is set and there is no /clock")
-    assert cell.give(Q, 0) is None  # nobody stamped it, and nobody knows the time
+    assert cell.give(Q, 0) is None  # no stamp, and no clock
     cell.node.set_parameters([Parameter("use_sim_time", value=False)])
     now_ns = time.time_ns()
     assert cell.give(Q, now_ns + 1000 * 10**9) is None
@@ -420,7 +420,7 @@ def test_a_watch_is_told_on_diagnostics(bench: Bench, file: Path) -> None:
     vigil = cell.node._desk.watchman._vigil
     vigil.suspicion = replace(vigil.suspicion, odds=vigil.suspicion.limit + 1.0)
     assert cell.diagnosed(trouble)
-    assert cell.call("reload")[0]  # watched anew
+    assert cell.call("reload")[0]  # the watch starts again
     assert cell.value("watch") == "as calibrated"
 
 

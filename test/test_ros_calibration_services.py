@@ -1,4 +1,4 @@
-"""The calibration node asked to capture, fit, save and reload; and files that are no good."""
+"""Services of the calibration node (capture, fit, save, reload), and unusable files."""
 
 from __future__ import annotations
 
@@ -116,11 +116,11 @@ def test_a_stale_table_is_refused_and_diagnostics_say_so(
     assert not yes
     assert "the table is outdated" in said
     assert cell.diagnosed(f"reload: {table}: the table is outdated")
-    assert cell.call("enable", True)[0]  # the one in force stays
+    assert cell.call("enable", True)[0]  # the previous calibration stays in use
 
 
 class Gate:
-    """Stands in for a function: waits there until it is opened, and knows who came."""
+    """Replaces a function; calls wait until the gate is opened, and their threads are recorded."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function, self._open = function, threading.Event()
@@ -157,13 +157,13 @@ def test_no_command_waits_for_a_file(
         monkeypatch.setattr(calibration_session, "load_calibration", gate)
     answer = cell.ask(service)
     assert bench.until(lambda: gate.threads)
-    for k in range(100):  # the file is not done as long as the gate is closed
+    for k in range(100):  # the file is not finished while the gate is closed
         assert cell.give(Q + 1e-5 * k, T0_NS + k * 1_000_000) is not None
     assert not answer.done()
     gate.open()
     assert bench.until(answer.done)
     assert answer.result().success
-    assert threading.get_ident() not in gate.threads  # where the callbacks run
+    assert threading.get_ident() not in gate.threads  # the thread of the callbacks
     assert cell.give(Q) is not None
 
 
@@ -193,7 +193,7 @@ def test_a_live_fit_is_the_fit_of_the_session_and_commands_go_on_meanwhile(
     assert first.result().success
     assert desk.fitted.sentence() in first.result().message
     assert "not enabled" in first.result().message
-    for _ in range(200):  # from where the drives stood, by joint_states
+    for _ in range(200):  # the ramp starts at the drives' position in joint_states
         sent = positions(cell.give(Q))
         if np.array_equal(sent, Q):
             break

@@ -1,4 +1,4 @@
-"""A whole cell of processes: measured, fitted, compensated and better; and gone when told to."""
+"""A cell of processes is measured, fitted and compensated, becomes more accurate, and ends."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CORNERS = np.array(list(product((-0.22, 0.22), (-0.22, 0.22), (-0.691, -0.811)))
 
 
 def test_a_cell_measures_itself_and_gets_better(launch: Launch, tmp_path: Path) -> None:
-    robot = tmp_path / "srbd.yaml"  # whoever uses it is told apart by its path
+    robot = tmp_path / "srbd.yaml"  # processes of this test are recognised by this path
     robot.write_text(Path(ROBOT.source).read_text())
     corners = tmp_path / "corners.csv"
     np.savetxt(corners, CORNERS * 1e3, delimiter=",", header="x_mm,y_mm,z_mm", comments="")
@@ -53,7 +53,7 @@ def test_a_cell_measures_itself_and_gets_better(launch: Launch, tmp_path: Path) 
     call("/calibration_node/fit")
     assert call("/calibration_node/enable", "true").strip()
     measure(plan=corners)
-    last = launch(f"{NODES}.measurement_plan", robot=robot)  # stopped on its way
+    last = launch(f"{NODES}.measurement_plan", robot=robot)  # interrupted before its end
     assert last.says("1 of ")
     end_all([*cell, last])
     assert processes_with(str(tmp_path)) == []
@@ -66,7 +66,7 @@ def test_a_cell_measures_itself_and_gets_better(launch: Launch, tmp_path: Path) 
 
 
 def end_all(nodes: list[NodeProcess]) -> None:
-    """Ctrl-C for all of them: each leaves with 0 and without a traceback."""
+    """Send Ctrl-C to all nodes; each must end with 0 and without a traceback."""
     for node in nodes:
         assert node.process.poll() is None, node.output
         node.send(signal.SIGINT)
@@ -76,12 +76,12 @@ def end_all(nodes: list[NodeProcess]) -> None:
 
 
 def processes_with(text: str) -> list[str]:
-    """Command lines of this machine's processes that have the text in them."""
+    """Command lines of running processes that contain the text."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         try:
             line = entry.read_bytes().replace(b"\0", b" ").decode(errors="replace")
-        except OSError:  # has just ended
+        except OSError:  # the process has just ended
             continue
         if text in line:
             found.append(line)
@@ -89,10 +89,10 @@ def processes_with(text: str) -> list[str]:
 
 
 def shape_error(poses: Poses, visit: int) -> np.ndarray:
-    """How far the corners lie from where they should, by the tracker alone, (n,) [m].
+    """Distances of the measured corners from their targets, (n,) [m].
 
-    Each at its first visit (0), or at its last (-1). The tracker's frame is laid on the corners by
-    the best rigid motion: no calibration has a part in this.
+    Each corner counts at its first visit (0) or its last (-1). The tracker frame is aligned with
+    the targets by the best rigid motion, so the calibration has no influence.
     """
     points = []
     for joint in nominal_joints(ROBOT, CORNERS):

@@ -1,4 +1,4 @@
-"""Outputs for ros2_control's controllers, trajectories in and out, and what the node refuses."""
+"""Outputs for controllers of ros2_control, trajectories, and inputs that the node refuses."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def test_a_trajectory_is_compensated_point_by_point(bench: Bench, file: Path) ->
     assert bench.until(commander.get_subscription_count)
     assert cell.call("enable", True)[0]
     expected = [positions(cell.give(q)) for q in (Q, Q + 0.01)]
-    assert out == []  # commands of the stream are not sent where trajectories are
+    assert out == []  # single commands are not sent to a trajectory controller
     rows = [q[[2, 0, 1]] for q in (Q, Q + 0.01)]
     commander.publish(planned(*rows, names=TURNED))
     assert bench.until(lambda: out)
@@ -129,7 +129,7 @@ def test_a_trajectory_is_compensated_point_by_point(bench: Bench, file: Path) ->
     assert [p.time_from_start.sec for p in sent.points] == [1, 2]
     np.testing.assert_allclose([p.positions for p in sent.points], expected, atol=1e-12)
     np.testing.assert_allclose(sent.points[0].velocities, 0.1 * Q, rtol=0.02)
-    commander.publish(sent)  # marked: not again
+    commander.publish(sent)  # it is marked, so it is not compensated again
     assert bench.until(lambda: len(out) == 2)
     np.testing.assert_array_equal(out[1].points[0].positions, sent.points[0].positions)
 
@@ -160,7 +160,7 @@ def test_a_stale_command_is_not_sent_and_told(bench: Bench) -> None:
     assert cell.diagnosed("older than the timeout")
     assert cell.value("command older than the timeout") == "1"
     assert cell.give(Q, now_ns) is not None
-    assert cell.give(Q, 0) is not None  # who does not stamp cannot be told
+    assert cell.give(Q, 0) is not None  # the age of a command without a stamp is not known
     cell.node.set_parameters([Parameter("command_timeout_s", value=0.0)])
     assert cell.give(Q, T0_NS) is not None
 
@@ -178,7 +178,7 @@ def test_a_command_that_was_sent_is_not_compensated_again_unmarked(
 def test_commands_are_answered_while_a_long_trajectory_is_worked_on(
     bench: Bench, file: Path
 ) -> None:
-    """Ten thousand points: none of the commands behind it waited for its end, of a second."""
+    """Commands after a trajectory of ten thousand points do not wait a second for its end."""
     cell = Cell(
         bench,
         calibration=file,

@@ -1,4 +1,4 @@
-"""Messages to arrays and back, and what is refused on the way."""
+"""Conversion of messages to arrays and back, and refused messages."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def test_wrong_joint_states_are_refused(
     reader = JointReader(NAMES)
     with pytest.raises(InputError, match=said):
         reader.positions(message(names, position))
-    good = message(NAMES, [1.0, 2.0, 3.0])  # and the next one is read as if nothing had been
+    good = message(NAMES, [1.0, 2.0, 3.0])  # the refused message does not affect the next one
     np.testing.assert_array_equal(reader.positions(good), [1.0, 2.0, 3.0])
 
 

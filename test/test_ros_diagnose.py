@@ -1,4 +1,4 @@
-"""`~/diagnose` of the calibration node: a live capture is diagnosed and taken into force."""
+"""`~/diagnose` of the calibration node diagnoses a live capture and uses the result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ GAP = 0.4e-3  # [rad]
 def test_a_play_found_in_a_running_cell_is_named_saved_and_corrected(
     bench: Bench, tmp_path: Path
 ) -> None:
-    """The same place is told to the drives a gap apart, by the side that it is come to from."""
+    """For one place, the corrected commands from both sides differ by the gap."""
     machine = draw_machine(ROBOT, 5, hidden=[effect_options(f"backlash:value={GAP}")])
     plan = make_plan("identify", ROBOT, count=20, dwell=0.4)
     session = simulate_session(machine, plan, 5)
@@ -39,7 +39,7 @@ def test_a_play_found_in_a_running_cell_is_named_saved_and_corrected(
     assert answer.result().success, answer.result().message
     assert "backlash" in answer.result().message.lower()
     assert "not enabled" in answer.result().message
-    named = cell.value("effects compensated")  # at rest, play and presliding are one class
+    named = cell.value("effects compensated")  # at rest, backlash and presliding are equivalent
     assert named in ("backlash", "stick_slip")
 
     assert cell.call("enable", True)[0]

@@ -1,4 +1,4 @@
-"""Hostile messages to running nodes: none ends a node, and a sound command still comes through."""
+"""Hostile messages end no node, and a valid command is still answered afterwards."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ FRAME = st.sampled_from(["", "tracker", "compensated", "arm", "\n\x1b[31m", "y" 
 
 
 def hostile(kind: type, stamp: Any, frame: str, numbers: list[float], names: list[str]) -> Any:
-    """A message of this kind that its type allows and no sound sender sends."""
+    """A message that is valid for its type, but that no correct sender would send."""
     message = kind()
     message.header.stamp.sec, message.header.stamp.nanosec = stamp
     message.header.frame_id = frame
@@ -71,7 +71,7 @@ MESSAGES = st.builds(
 
 @st.composite
 def wire(draw: st.DrawFn) -> tuple[int, bytes | Any]:
-    """Number of a topic, and what is sent on it: a message, or bytes that are none."""
+    """Number of a topic and what is sent on it: a message, or invalid bytes."""
     message = draw(MESSAGES)
     fits = [k for k, topic in enumerate(INPUTS) if topic.message is type(message)]
     where = draw(st.sampled_from(fits))
@@ -85,7 +85,7 @@ def wire(draw: st.DrawFn) -> tuple[int, bytes | Any]:
 
 @pytest.fixture(name="cell", scope="module")
 def cell_fixture() -> Iterator[tuple[Bench, CalibrationNode, list[Any], list[Any]]]:
-    """A node at work, what sends on each of its topics, and what comes out of it."""
+    """A running node, publishers for all its topics, and the messages that it sends."""
     bench = Bench()
     try:
         node = bench.add(CalibrationNode(context=bench.context))
@@ -105,14 +105,14 @@ def cell_fixture() -> Iterator[tuple[Bench, CalibrationNode, list[Any], list[Any
 @settings(
     max_examples=60,
     derandomize=True,
-    phases=[Phase.generate],  # a failure is told at once, not made smaller first
+    phases=[Phase.generate],  # failures are reported without shrinking
     deadline=None,
     database=None,
     suppress_health_check=list(HealthCheck),
 )
 @given(st.lists(wire(), min_size=1, max_size=6))
 def test_no_message_ends_a_node(cell: Any, sent: list[tuple[int, Any]]) -> None:
-    """An exception would come out of the spin, as it would end the process of a node."""
+    """An exception would leave the spin here, and would end the process of a node."""
     bench, node, senders, came = cell
     for where, what in sent:
         senders[where].publish(what)
@@ -123,7 +123,7 @@ def test_no_message_ends_a_node(cell: Any, sent: list[tuple[int, Any]]) -> None:
 
 
 def test_the_commands_of_the_controller_come_through_after_all_that(cell: Any) -> None:
-    """An empty message stops what its own sender sends, in the middleware; nobody else's."""
+    """The middleware may block a sender after an invalid message, but no other sender."""
     bench, node, _senders, came = cell
     controller = bench.node("controller")
     senders = [controller.create_publisher(t.message, t.name, t.writer) for t in INPUTS[:2]]

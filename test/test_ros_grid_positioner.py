@@ -1,4 +1,4 @@
-"""The positioner and the simulated tracker as processes: points driven right, and an end."""
+"""The positioner and the simulated tracker as processes: points are corrected, and it ends."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def points(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_points_are_driven_right_and_it_ends(launch: Launch, points: Path, tmp_path: Path) -> None:
     table = tmp_path / "corrections.csv"
-    # no calibration node in this cell: the drives hear the nominal commands themselves
+    # without a calibration node the drives receive the nominal commands
     to_drives = ("--ros-args", "-r", "joint_command:=joint_command_compensated")
     cell = launch(f"{NODES}.simulated_tracker", seed=4, rate=200.0)
     node = launch(
@@ -75,7 +75,7 @@ def test_points_are_driven_right_and_it_ends(launch: Launch, points: Path, tmp_p
 
 
 def test_a_silent_tracker_is_named(launch: Launch, bench: Bench, points: Path) -> None:
-    """A cell that follows and says where its joints are, but has no tracker."""
+    """A cell that follows the commands and publishes its joints, without a tracker."""
     cell = bench.node("cell")
     states = cell.create_publisher(JointState, "joint_states", STREAM_OUT)
     last = JointState(name=list(ROBOT.joints.names), position=[0.0, 0.1, 0.2])

@@ -1,4 +1,4 @@
-"""What the launch file starts, on real nodes: parameters as declared, a cell that stands up."""
+"""Nodes as started by the launch file: declared parameters, and a cell that starts."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ pytestmark = pytest.mark.ros
 
 FILE = Path(__file__).parents[1] / "launch" / "cell.launch.py"
 PACKAGE = "delta_calibration"
-PATIENCE_S = 120.0  # four processes import at once
+PATIENCE_S = 120.0  # four processes start at the same time
 EVERYTHING = {"record": "true", "plan": "line", "foxglove": "true", "calibration": "cell.yaml"}
 CHOSEN = {"method": "apso", "on_failure": "hold", "command_timeout_s": "1", "namespace": "left"}
 
@@ -48,7 +48,7 @@ def test_parameters_are_declared_by_the_nodes_and_allowed(cell: LaunchDescriptio
 
 
 class Side:
-    """One of two robots, and what is heard from it."""
+    """One of two robots, and the messages received from it."""
 
     def __init__(self, bench: Bench, name: str) -> None:
         node = bench.node(f"{name}_watcher", namespace=name)
@@ -74,7 +74,7 @@ class Side:
         frames.add(message.header.frame_id)
 
     def is_up(self) -> bool:
-        """Whether both nodes are there and have said all that is looked at."""
+        """Whether both nodes are running and all topics have been received."""
         return bool(
             self.pictures
             and all(self.frames.values())
@@ -105,7 +105,7 @@ def test_two_robots_in_two_namespaces_do_not_hear_each_other(
         drawn = {marker.header.frame_id for m in side.pictures for marker in m.markers}
         assert drawn == {f"{name}/base_link"}
     left, right = sides["left"], sides["right"]
-    bench.spin_for(0.5)  # the other side has to know of the publisher as well
+    bench.spin_for(0.5)  # the other side has to discover the publisher too
     home = np.array(left.states[-1].position)
     goal = home + 0.05
 
@@ -125,7 +125,7 @@ def test_two_robots_in_two_namespaces_do_not_hear_each_other(
 def test_a_file_of_parameters_is_read_in_every_namespace_and_what_is_named_goes_before(
     launch: Launch, tmp_path: Path
 ) -> None:
-    """As launch gives both to a node: the file first."""
+    """Launch passes both to a node, the file first."""
     file = tmp_path / "cell.yaml"
     parameters = "  ros__parameters:\n    robot: no_such_robot\n"
     file.write_text(f"/**/robot_description:\n{parameters}")
@@ -144,7 +144,7 @@ def test_a_file_of_parameters_is_read_in_every_namespace_and_what_is_named_goes_
 def test_a_cell_stands_up_as_launched(
     cell: LaunchDescription, launch: Launch, bench: Bench, tmp_path: Path
 ) -> None:
-    """The package's own nodes with these parameters, as processes: joints move, links are told."""
+    """The nodes of this package as processes: joints move, and passive joints are published."""
     chosen = {"rviz": "false", "record": "true", "session": str(tmp_path / "session")}
     nodes = {
         executable: launch(f"{PACKAGE}.ros.{executable}", **values)

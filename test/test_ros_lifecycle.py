@@ -1,4 +1,4 @@
-"""A lifecycle node that lives through requests out of state and failing transitions."""
+"""A lifecycle node survives requests that its state does not allow, and failing transitions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 
 
 class Cell(SafeLifecycleNode):
-    """Notes which hooks were called; fails where it is told to."""
+    """Records the hooks that were called, and fails where this is requested."""
 
     def __init__(self, bench: Bench, **kwargs: object) -> None:
         super().__init__("cell", context=bench.context, **kwargs)
@@ -57,7 +57,7 @@ def cell(bench: Bench) -> Cell:
 
 @pytest.fixture
 def ask(bench: Bench, cell: Cell) -> Ask:
-    """Send a transition over the service, as a lifecycle manager does; its answer."""
+    """Request a transition by the service, as a lifecycle manager does; return the answer."""
     client = bench.node("manager").create_client(ChangeState, "/cell/change_state")
     assert bench.until(client.service_is_ready)
 
@@ -155,7 +155,7 @@ def test_shutdown_deactivates_and_releases_from_every_state(cell: Cell, ask: Ask
     assert ask(Transition.TRANSITION_ACTIVE_SHUTDOWN)
     assert cell.state == "finalized"
     assert cell.called[-2:] == ["deactivate", "cleanup"]
-    cell.close()  # once more, as at the end of the process
+    cell.close()  # again, as at the end of the process
     assert cell.called[-2:] == ["deactivate", "cleanup"]
 
 
@@ -163,7 +163,7 @@ def test_shutdown_deactivates_and_releases_from_every_state(cell: Cell, ask: Ask
 def test_autostart(
     bench: Bench, autostart: bool, state: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A node that waits for a manager says so: somebody may have forgotten the parameter."""
+    """A node that waits for a manager says so, in case the parameter was forgotten."""
     given = [Parameter("autostart", value=autostart)]
     cell = bench.add(Cell(bench, parameter_overrides=given))
     cell.start()

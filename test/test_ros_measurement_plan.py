@@ -1,4 +1,4 @@
-"""The plan's commands in real time, as a process and as arrays."""
+"""The commands of a plan in real time, as a process and as arrays."""
 
 from __future__ import annotations
 
@@ -34,19 +34,19 @@ NODE = "delta_calibration.ros.measurement_plan"
 ROBOT = load_robot("srbd")
 NAMES = ROBOT.joints.names
 RATE = 100.0  # [1/s]
-HERE = np.array([0.05, -0.02, 0.1])  # [rad] where the machine stands
+HERE = np.array([0.05, -0.02, 0.1])  # [rad] position of the machine
 
 
 @pytest.fixture
 def points(tmp_path: Path) -> Path:
-    """Three points as a CSV file."""
+    """Three points in a CSV file."""
     path = tmp_path / "points.csv"
     path.write_text("x_mm,y_mm,z_mm\n0,0,-711\n40,-40,-711\n-50,20,-730\n")
     return path
 
 
 class Listener:
-    """Stands where the machine stands, and hears the commands with the wall's time."""
+    """Publishes a fixed position of the machine, and records the commands."""
 
     def __init__(self, bench: Bench, measured: bool = True, nominal: bool = False) -> None:
         self.bench = bench
@@ -102,7 +102,7 @@ def test_every_command_comes_at_its_time_from_where_the_machine_stands(
     commands = expected(points, HERE, dwell=0.2)
     np.testing.assert_allclose(listener.angles, commands, atol=1e-12)
     assert set(map(tuple, listener.names)) == {NAMES}
-    # the machine may be held up now and then, but nothing comes early and nothing adds up
+    # single delays are possible, but no command is early and delays do not accumulate
     told = np.array(listener.stamps) * 1e-9
     late = told - told[0] - np.arange(len(commands)) / RATE
     assert late.min() > -0.02
@@ -113,7 +113,7 @@ def test_every_command_comes_at_its_time_from_where_the_machine_stands(
     mine = [s for s in listener.said if s.name == "/measurement_plan"]
     assert any(s.message.startswith("at ") and s.message.endswith(" of 6") for s in mine)
     assert mine[-1].message == "done"
-    *going, last = listener.progress[1:]  # idle until somebody listened
+    *going, last = listener.progress[1:]  # idle until the listener was found
     assert {status.name for status in going} == {"/measurement_plan/plan"}
     done = [float({v.key: v.value for v in status.values}["done [%]"]) for status in going]
     assert len(done) >= 2
@@ -158,7 +158,7 @@ def test_after_a_hold_up_it_goes_on_without_a_jump(
     node.send(signal.SIGCONT)
     assert listener.until_end(node) == 0
     gaps = np.diff(listener.stamps[count:]) * 1e-9
-    # 0.25 s are caught up with, 0.8 s are not: 80 and more would come at once
+    # a delay of 0.25 s is made up for, one of 0.8 s is not: 80 commands would come at once
     assert _longest_run(gaps < 0.3 / RATE) < 50
     assert "held up: the rest of the plan is" in node.output
     np.testing.assert_allclose(listener.angles, expected(points, HERE, dwell=0.2), atol=1e-12)
@@ -181,7 +181,7 @@ def test_when_nobody_listens_it_ends_with_1(launch: Launch, points: Path) -> Non
 
 
 class Managed(SafeLifecycleNode):
-    """Takes commands from configure to cleanup, as the calibration node does."""
+    """Listens to commands from configure to cleanup, as the calibration node does."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__("calibration_node", **kwargs)
@@ -233,7 +233,7 @@ def test_it_stops_where_the_node_that_it_drives_is_not_active(
     said: str,
 ) -> None:
     managed.trigger_activate()
-    listener = Listener(bench)  # hears on: a recorder, say
+    listener = Listener(bench)  # another listener stays, such as a recorder
     node = launch(NODE, plan="line", dwell=1.0)
     assert bench.until(lambda: len(managed.heard) > 20)
     ends(bench, managed)
@@ -327,7 +327,7 @@ def test_a_motion_has_no_jumps_and_visits_every_stop(name: str) -> None:
 
 
 def test_who_is_missing_counts_once_it_has_lasted(bench: Bench) -> None:
-    """Nodes that are ended together by one Ctrl-C leave one after another."""
+    """Nodes that end with one Ctrl-C disappear one after another."""
     node = bench.node("drives")
     driven = Driven(node, node.create_publisher(JointState, "joint_command", 10), 1)
     assert driven.lasting_trouble() == ""

@@ -1,4 +1,4 @@
-"""`--help` of every node, and the inventory that it is made of, held against the real nodes."""
+"""`--help` of every node, and the inventory behind it compared with the real nodes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ros_helpers import Bench, bench_fixture  # noqa: F401
 
 pytestmark = pytest.mark.ros
 
-# What node_inventory gives the calibration node.
+# Values that node_inventory gives the calibration node.
 GIVEN = {"command_controller": "controller", "trajectory_controller": "controller"}
 GIVEN["trajectory_input"] = "trajectory_input"
 
@@ -38,7 +38,7 @@ def real_fixture(tmp_path_factory: pytest.TempPathFactory):
 
 
 def names_of(inventory: Inventory, does: str) -> dict[str, str]:
-    """Types by name, with the names that the parameters give."""
+    """Types by name, with names that follow from parameters."""
     found = {}
     for name, kind in getattr(inventory, does).items():
         for part, parameter in inventory.named.items():
@@ -48,7 +48,7 @@ def names_of(inventory: Inventory, does: str) -> dict[str, str]:
 
 
 def real_names(node: Node, entities: list[tuple[str, type]]) -> dict[str, str]:
-    """The same of a node's own, less what ROS brings."""
+    """The same from a real node, without what ROS adds."""
     home, found = f"{node.get_fully_qualified_name()}/", {}
     for name, kind in entities:
         if name.removeprefix(home).removeprefix("/") not in ROS_OWN:
@@ -67,7 +67,7 @@ def test_the_inventory_is_what_the_node_has(name: str, real: dict[str, Node]) ->
     node, inventory = real[name], NODES[name]
     published = real_names(node, [(p.topic_name, p.msg_type) for p in node.publishers])
     expected = names_of(inventory, "publishes")
-    if name == "session_player":  # it publishes what the session has
+    if name == "session_player":  # it publishes the topics of the session
         assert published.items() <= expected.items()
         assert expected == INPUTS | {"/clock": published["/clock"]}
     else:

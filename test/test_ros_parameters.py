@@ -1,4 +1,4 @@
-"""Parameters of real nodes: what is refused, when, and with which words."""
+"""Parameters of real nodes: refused values, the time of refusal, and the messages."""
 
 from __future__ import annotations
 

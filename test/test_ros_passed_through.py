@@ -1,4 +1,4 @@
-"""Axes that the model passes through, in the live node: typed, raw, trajectories, controllers."""
+"""Axes outside the model in the live node: messages, bytes, trajectories, controllers."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def heard(cell: Cell, kind: Any, topic: str) -> list[Any]:
 
 
 def test_commands_and_states_carry_it(bench: Bench, file: Path, tmp_path: Path) -> None:
-    """The first of a layout goes by rclpy, those after it from bytes to bytes."""
+    """The first message of a layout is read by rclpy, later ones as bytes."""
     cell = Cell(bench, robot=written(tmp_path, TURN), calibration=file, ramp_s=0.0)
     assert cell.call("enable", True)[0]
     plain = positions(cell.give(Q))
@@ -93,14 +93,14 @@ def test_a_part_of_several_and_what_is_no_number_are_refused(bench: Bench, tmp_p
     assert cell.answer(command(np.append(Q, [1.0, np.nan]), both)) is None
     assert cell.diagnosed("turn = nan; finite values are needed")
     sent = cell.answer(command(np.append(Q, [1.0, 2.0]), both))
-    np.testing.assert_array_equal(sent.position, [*Q, 2.0, 1.0])  # as the robot file has them
+    np.testing.assert_array_equal(sent.position, [*Q, 2.0, 1.0])  # in the order of the robot file
 
 
 def planned(rows: np.ndarray, names: tuple[str, ...], uneven: bool) -> JointTrajectory:
     message = JointTrajectory(joint_names=list(names))
     for k, row in enumerate(rows):
         point = JointTrajectoryPoint(positions=array("d", row), velocities=array("d", 0.1 * row))
-        if uneven:  # is read as a message then, not by arrays
+        if uneven:  # then it is read as a message, not as arrays
             point.effort = array("d", [0.0] * (k + 1))
         point.time_from_start = Duration(sec=k + 1)
         message.points.append(point)

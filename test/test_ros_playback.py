@@ -1,4 +1,4 @@
-"""What a player plays, and when; without ROS."""
+"""Messages that a player sends, and their times, without ROS."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SECOND = 1_000_000_000
 
 @pytest.fixture
 def path(tmp_path: Path) -> Path:
-    """Two topics, written out of order as queues do."""
+    """Two topics with messages out of order, as a recorder may write them."""
     with SessionWriter(tmp_path / "session", {}) as writer:
         for k in (0, 2, 1, 3, 4):
             topic = "/joint_states" if k % 2 else "/joint_command"

@@ -1,4 +1,4 @@
-"""A cell of eight cables, commanded by poses: measured, fitted, compensated and better."""
+"""A robot with eight cables and pose commands is measured, fitted, compensated and improves."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PLACES = [  # [mm]
     [-170.0, 140.0, 1350.0],
     [0.0, 0.0, 1250.0],
 ]
-TURN = (3.0, -2.0, 4.0)  # [deg] everywhere: the reflector's unknown place is one shift then
+TURN = (3.0, -2.0, 4.0)  # [deg] constant, so the unknown reflector offset is one shift
 
 
 def test_cables_are_measured_fitted_and_compensated(launch: Launch, tmp_path: Path) -> None:
@@ -37,7 +37,7 @@ def test_cables_are_measured_fitted_and_compensated(launch: Launch, tmp_path: Pa
     rows = np.hstack([PLACES, np.tile(TURN, (len(PLACES), 1))])
     head = "x_mm,y_mm,z_mm,turn_x_deg,turn_y_deg,turn_z_deg"
     np.savetxt(corners, rows, delimiter=",", header=head, comments="")
-    robot = tmp_path / "cdpr8.yaml"  # a smaller workspace, so that this is short
+    robot = tmp_path / "cdpr8.yaml"  # a smaller workspace makes this shorter
     robot.write_text(FILE.read_text().replace("[1600.0, 1200.0, 800.0]", "[700.0, 600.0, 400.0]"))
     recorder = launch(f"{NODES}.session_recorder", output=session)
     launch(f"{NODES}.simulated_tracker", robot=robot, seed=17)
@@ -70,12 +70,12 @@ def test_cables_are_measured_fitted_and_compensated(launch: Launch, tmp_path: Pa
 
 
 def shape_error(poses: Poses, targets: Targets, corrected: bool) -> np.ndarray:
-    """How far the tool stands from the targets, by the tracker alone, (n,) [m].
+    """Distance of the measured tool from the targets, (n,) [m].
 
-    With the commands as they were given, or with a correction in what the encoders say; in the
-    best frame: no calibration has a part in it.
+    For uncorrected or for corrected commands, which the encoders show. The tracker frame is the
+    best-fit one, so the calibration has no influence.
     """
-    there = np.abs(poses.joint - poses.command).max(axis=1) > 1e-2  # [rad] a motor comes to 1e-3
+    there = np.abs(poses.joint - poses.command).max(axis=1) > 1e-2  # [rad] motors stop within 1e-3
     points = []
     for joint in targets.joint:
         meant = np.abs(poses.command - joint).max(axis=1) < 1e-3

@@ -1,4 +1,4 @@
-"""Start, spin, stop and exit code, of real nodes in processes of their own."""
+"""Start, spin, stop and exit code of real nodes in their own processes."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ raise SystemExit(run(build, "cell", [sys.argv[0], *sys.argv[2:]]))
 
 @pytest.fixture
 def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
-    """Name of a module with the nodes above, importable by children."""
+    """Name of a module with the nodes above, which child processes can import."""
     (tmp_path / "cell_under_test.py").write_text(CELL)
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     return "cell_under_test"
@@ -133,7 +133,7 @@ def test_a_signal_ends_the_node_after_its_callback_with_0(
     assert node.says("ready")
     time.sleep(0.2)
     node.send(number)
-    node.send(number)  # a terminal and a launcher both send it
+    node.send(number)  # as if from a terminal and from a launcher
     assert node.end() == 0
     assert "closed, whole: True, True" in node.output
     assert "Traceback" not in node.output
@@ -145,7 +145,7 @@ def test_a_signal_ends_the_node_after_its_callback_with_0(
         ("hang", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in hang, cell_"),
         ("hang", signal.SIGTERM, "cell: not ended 0.5 s after SIGTERM (it stands in hang, cell_"),
         ("worker", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in "),
-        ("hold", signal.SIGINT, "in close\n"),  # by who needs no python
+        ("hold", signal.SIGINT, "in close\n"),  # from faulthandler, which needs no Python
     ],
 )
 def test_what_hangs_when_it_is_told_to_stop_is_ended_with_1(
@@ -163,10 +163,10 @@ def test_what_hangs_when_it_is_told_to_stop_is_ended_with_1(
 def test_a_second_signal_ends_a_node_that_hangs_at_once(
     launch: Launch, cell: str, number: signal.Signals
 ) -> None:
-    node = launch(cell, "hang")  # it would have a minute
+    node = launch(cell, "hang")  # otherwise it would have a minute
     assert node.says("hangs")
     node.send(signal.SIGINT)
-    node.send(signal.SIGINT)  # the same one twice, as a terminal and a launcher send it
+    node.send(signal.SIGINT)  # twice, as from a terminal and from a launcher
     time.sleep(REPEAT_S + 0.1)
     assert node.process.poll() is None
     node.send(number)
@@ -279,16 +279,16 @@ def test_only_the_dead_lose_their_shared_memory(tmp_path: Path) -> None:
 
 
 def cpu_seconds(pid: int) -> float:
-    """Processor time a process has used so far."""
+    """Processor time that a process has used so far."""
     fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def test_a_bench_that_is_taken_down_leaves_no_participant_to_the_next() -> None:
-    """Past 32 participants of a process those of others are not found any more."""
+    """With more than 32 participants in a process, other ones are no longer discovered."""
     bench = Bench()
     context, node = weakref.ref(bench.context), bench.node("self_referring")
-    node.itself = node.get_name  # as callbacks are bound to their node
+    node.itself = node.get_name  # like callbacks bound to their node
     bench.take_down()
     del bench, node
     Bench().take_down()
@@ -296,7 +296,7 @@ def test_a_bench_that_is_taken_down_leaves_no_participant_to_the_next() -> None:
 
 
 def test_what_is_left_of_a_process_takes_nothing_apart_once_more() -> None:
-    """Threads end their work and what was said is out; what libraries hang on the end is not."""
+    """Threads finish and output is flushed, but exit handlers of libraries do not run."""
     script = """
 import atexit, sys, threading, time
 from delta_calibration.ros.watchdog import leave

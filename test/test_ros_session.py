@@ -1,4 +1,4 @@
-"""Recorder and player as processes: counts, stamps, time, and what a killed recorder leaves."""
+"""Recorder and player as processes: counts, stamps, time, and the file of a killed recorder."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ PLAYER = "delta_calibration.ros.session_player"
 NAMES = ("joint_1", "joint_2", "joint_3")
 T0_NS = 1_700_000_000_000_000_000
 STEP_NS = 10_000_000
-COUNT = 100  # messages of the session that is played: 1 s
+COUNT = 100  # messages of the played session: 1 s
 
 
 class Cell:
-    """Publishes what a cell publishes."""
+    """Publishes the topics of a cell."""
 
     def __init__(self, bench: Bench, prefix: str = "") -> None:
         self.bench = bench
@@ -48,12 +48,12 @@ class Cell:
         payload = node.create_publisher(InertiaStamped, f"{prefix}cell/payload", PAYLOAD)
         load = InertiaStamped()
         load.inertia.m, load.header.stamp = 1.5, ns_to_stamp(T0_NS)
-        payload.publish(load)  # before anybody listens
+        payload.publish(load)  # before anybody subscribes
 
     def found(self) -> bool:
         streams = (self.command, self.states, self.tracker, self.heat)
         matched = self.bench.until(lambda: all(p.get_subscription_count() for p in streams))
-        self.bench.spin_for(1.0)  # the other side has to know as well, or best effort is lost
+        self.bench.spin_for(1.0)  # subscribers discover us too, or best effort is lost
         return matched
 
     def run(self, count: int, pause_s: float = 0.001) -> None:
@@ -72,7 +72,7 @@ class Cell:
 
 
 def watched(bench: Bench) -> list[DiagnosticStatus]:
-    """All that is said on /diagnostics from now on."""
+    """Collect all statuses on /diagnostics from now on."""
     seen: list[DiagnosticStatus] = []
     bench.node("watcher").create_subscription(
         DiagnosticArray, "/diagnostics", lambda m: seen.extend(m.status), DIAGNOSTICS
@@ -81,7 +81,7 @@ def watched(bench: Bench) -> list[DiagnosticStatus]:
 
 
 def recorded(seen: list[DiagnosticStatus], topic: str) -> int:
-    """Messages of a topic that the recorder last said to hold."""
+    """Number of recorded messages of a topic, by the recorder's last status."""
     return int(dict(pairs(seen[-1]))[f"{topic} messages"]) if seen else 0
 
 
@@ -131,7 +131,7 @@ def test_a_killed_recorder_loses_a_second_at_most_and_the_loss_is_said(
     session = read_session(path)
     count = len(session.command.stamp_ns)
     assert 300 <= count <= 1200
-    expected = T0_NS + np.arange(count) * STEP_NS  # from the start, with no gap
+    expected = T0_NS + np.arange(count) * STEP_NS  # from the start, without gaps
     np.testing.assert_array_equal(session.command.stamp_ns, expected)
     assert any("cut off" in note for note in session.notes)
 
@@ -195,7 +195,7 @@ def test_a_session_is_never_overwritten(launch: Launch, played: Path) -> None:
 
 @pytest.fixture
 def played(tmp_path: Path) -> Path:
-    """Session of 1 s: commands at 100 Hz, and a payload at its start."""
+    """Session of 1 s with commands at 100 Hz and a payload at its start."""
     path = tmp_path / "played"
     with SessionWriter(path, {}, compression="none") as writer:
         load = encode_payload(T0_NS, "tool0", 2.5, (0.0, 0.0, 0.1))
@@ -208,7 +208,7 @@ def played(tmp_path: Path) -> Path:
 
 
 class Listener:
-    """Hears what a player plays, with the wall's time."""
+    """Records what a player sends."""
 
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
@@ -267,7 +267,7 @@ def test_a_loop_goes_round_until_it_is_stopped(bench: Bench, launch: Launch, pla
     assert listener.until_end(node) == 0
     assert listener.stamps[: 2 * COUNT] == 2 * STAMPS
     assert "pass 2:" in node.output
-    # The clock and the messages are different topics: one may show the last turn before the other.
+    # Clock and messages are different topics; one may begin a pass before the other.
     turns = int(np.sum(np.diff(listener.clock) < 0))
     assert abs(turns - len(listener.stamps) // COUNT) <= 1
     assert turns >= 1
@@ -291,7 +291,7 @@ def test_a_paused_player_waits_for_its_parameter(
     node = launch(PLAYER, session=played, paused=True, topics=["joint_command"])
     assert bench.until(lambda: len(listener.clock) > 20)
     assert len(set(listener.clock)) == 1
-    assert len(listener.stamps) <= 1  # the one that stands at the start
+    assert len(listener.stamps) <= 1  # the message at the start
     client = AsyncParameterClient(bench.node("operator"), "/session_player")
     assert bench.until(client.services_are_ready)
     answer = client.set_parameters([Parameter("paused", value=False)])

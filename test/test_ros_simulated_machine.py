@@ -1,4 +1,4 @@
-"""Effects in the live machine, against the same machine without them, told to be elsewhere."""
+"""Effects in the live machine, compared with the machine without effects at other joints."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ A, B = np.array([[0.1, 0.2, 0.3], [0.4, 0.1, -0.1]])
 
 
 def with_effects(*texts: str, robot: Robot | None = None) -> SimulatedMachine:
-    """A machine as drawn but for its effects, without noise."""
+    """A nominal machine with these effects, without noise."""
     quiet = robot or without_noise(ROBOT)
     drawn = draw_machine(quiet, 3, 0.0, [effect_options(text) for text in texts])
     return SimulatedMachine(drawn, np.random.default_rng(5), 0.0, Climate(drawn.warms, 600.0))
@@ -29,14 +29,14 @@ def at(simulated: SimulatedMachine, joint: np.ndarray, now: float) -> np.ndarray
 
 
 def seen_at(joint: np.ndarray) -> np.ndarray:
-    """Where the machine without effects is seen, whichever way it came."""
+    """Reading of the machine without effects, which does not depend on the path."""
     return at(with_effects(), joint, 1.0)
 
 
 def drive(
     simulated: SimulatedMachine, way: list[np.ndarray], begin: float, step: float = 0.02
 ) -> float:
-    """Commands one after another; when the last was sent."""
+    """Send commands one after another; return the time of the last."""
     for k, joint in enumerate(way):
         simulated.command(joint, begin + k * step)
     return begin + (len(way) - 1) * step
@@ -51,7 +51,7 @@ def test_play_is_half_the_gap_behind_the_way_it_came() -> None:
         now = drive(simulated, way, now + 1.0)
         behind = seen_at(A - side * gap / 2)
         np.testing.assert_allclose(simulated.measure(now).position, behind, atol=1e-9)
-        # It still is where it was when nobody has told it anything for long.
+        # it stays there without further commands
         np.testing.assert_allclose(simulated.measure(now + 9.0).position, behind, atol=1e-9)
 
 
@@ -65,12 +65,12 @@ def test_in_motion_it_is_seen_where_it_was_a_moment_before(effect: str) -> None:
     position = simulated.measure(now).position
     assert np.linalg.norm(position - seen_at(way[-1])) > 2e-4
     np.testing.assert_allclose(position, seen_at(way[-1] - moment * speed), atol=3e-6)
-    simulated.command(way[-1], now + step)  # it stands
+    simulated.command(way[-1], now + step)  # it stands still
     np.testing.assert_allclose(simulated.measure(now + step).position, seen_at(way[-1]), atol=1e-9)
 
 
 def test_speeds_are_those_of_the_senders_clock() -> None:
-    """Commands that come in a burst, late, are no faster."""
+    """Late commands that arrive in a burst do not move faster."""
     simulated = with_effects("joint_lag:value=0.01")
     speed = np.array([0.3, -0.2, 0.1])
     for k in range(10):
@@ -105,7 +105,7 @@ def test_it_grows_as_warm_as_it_says() -> None:
 
 
 def test_what_it_does_not_follow_has_not_moved_it() -> None:
-    """A command out of reach leaves no trace in the play."""
+    """A command out of reach does not affect the backlash."""
     short = replace(ROBOT.dimensions, rod=0.5)
     wide = replace(ROBOT.joints, lower=np.full(3, -4.0), upper=np.full(3, 4.0))
     robot = without_noise(replace(ROBOT, dimensions=short, joints=wide))

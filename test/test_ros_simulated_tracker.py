@@ -1,4 +1,4 @@
-"""The simulated cell: rest errors, what it cannot take up, and what it says on the topics."""
+"""The simulated cell: rest errors, commands that it cannot follow, and its topics."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def test_a_rest_error_is_drawn_once_a_move() -> None:
     simulated = machine(only_rest_errors(1e-3))
     first = at(simulated, A, 1.0)
     on_the_way = at(simulated, B, 1.02)
-    np.testing.assert_array_equal(at(simulated, A, 1.04), first)  # the same move still
-    np.testing.assert_array_equal(at(simulated, A, 1.5), first)  # at rest: nothing is drawn
+    np.testing.assert_array_equal(at(simulated, A, 1.04), first)  # still the same move
+    np.testing.assert_array_equal(at(simulated, A, 1.5), first)  # at rest no error is drawn
     np.testing.assert_allclose(at(simulated, A + 1e-9, 1.9), first, atol=1e-8)  # nor by a tremor
     again = at(simulated, B, 2.0)
     assert 1e-4 < np.linalg.norm(again - on_the_way) < 1e-2
@@ -64,7 +64,7 @@ def test_rest_errors_are_as_large_as_the_robot_file_says() -> None:
     repeatability = 50e-6
     simulated = machine(only_rest_errors(repeatability), scatter=0.0)
     points = []
-    for k in range(60):  # out and back, with a rest at either end
+    for k in range(60):  # there and back, with a rest at both ends
         at(simulated, B, 2.0 * k + 1.0)
         points.append(at(simulated, A, 2.0 * k + 2.0))
     model = ROBOT.model("rotary_delta")
@@ -92,7 +92,7 @@ def test_a_machine_as_drawn_is_a_delta_in_another_frame(measures: str) -> None:
         length = np.linalg.norm(points[one] - points[other])
         assert np.linalg.norm(read[one] - read[other]) == pytest.approx(length, abs=1e-9)
     turn = Rotation.from_quat([s.quaternion for s in seen])
-    if measures == "pose":  # the platform does not turn: its orientation is that of the base
+    if measures == "pose":  # the platform does not rotate: its orientation is that of the base
         ways = turn[:2].apply(points[1:] - points[:2])
         np.testing.assert_allclose(read[1:] - read[:2], ways, atol=1e-9)
     else:
@@ -122,7 +122,7 @@ def test_where_it_cannot_be_assembled_it_stays_where_it_was() -> None:
 
 
 class Upstream:
-    """Commands the node and hears what it says."""
+    """Sends commands to the node and records its messages."""
 
     def __init__(self, bench: Bench, **parameters: object) -> None:
         self.bench = bench
@@ -157,7 +157,7 @@ class Upstream:
         return bool(self.states) and np.allclose(self.states[-1].position, joint, atol=1e-4)
 
     def says(self, level: bytes, text: str) -> bool:
-        """Whether the diagnostics say so, now and not only within their second."""
+        """Whether diagnostics that are published now say this."""
         self.said.clear()
         self.cell._diagnostics.publish()
         self.bench.until(lambda: self.said)
@@ -166,7 +166,7 @@ class Upstream:
 
 def test_encoders_and_tracker_speak_at_the_rate_with_one_stamp(bench: Bench) -> None:
     cell = Upstream(bench, rate=40.0)
-    assert cell.stands_at(np.zeros(3))  # home
+    assert cell.stands_at(np.zeros(3))  # at home
     cell.states.clear()
     cell.poses.clear()
     assert bench.until(lambda: len(cell.poses) >= 40)
@@ -179,7 +179,7 @@ def test_encoders_and_tracker_speak_at_the_rate_with_one_stamp(bench: Bench) -> 
     assert pose.header.frame_id == "tracker"
     assert (pose.pose.orientation.x, pose.pose.orientation.w) == (0.0, 1.0)
     assert list(cell.states[-1].name) == list(NAMES)
-    assert [m.inertia.m for m in cell.loads] == [0.0]  # to one who came late
+    assert [m.inertia.m for m in cell.loads] == [0.0]  # received although published before
     assert {m.header.frame_id for m in cell.heat} == {"arm", "base"}
     assert {m.temperature for m in cell.heat} == {20.0}
 
@@ -245,7 +245,7 @@ def test_the_truth_is_nowhere_to_be_read(bench: Bench) -> None:
 
 
 def test_hidden_effects_are_in_what_it_says(bench: Bench) -> None:
-    """It warms up, and bends under what is said to be on its platform."""
+    """It warms up, and the stated payload bends it."""
     effects = ["none", "thermal_growth_arm", "joint_compliance:value=1e-3"]
     cell = Upstream(bench, noise=False, effects=effects, warm_up=2.0)
     assert bench.until(lambda: len(cell.heat) >= 4)
@@ -255,7 +255,7 @@ def test_hidden_effects_are_in_what_it_says(bench: Bench) -> None:
     message = InertiaStamped()
     message.inertia.m = 4.0
     load.publish(message)
-    # 4 kg turn each joint by a few mrad: some millimetres down
+    # 4 kg rotate each joint by a few mrad: some millimetres down
     assert bench.until(lambda: before - cell.poses[-1].pose.position.z > 1e-3)
     message.inertia.m = -1.0
     load.publish(message)

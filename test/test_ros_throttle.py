@@ -1,4 +1,4 @@
-"""How often a node says the same again."""
+"""Minimum time between repetitions of a message of a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The caller of services, as a process, against a node with services."""
+"""The command that calls services, as a process, with a node that has services."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def start(*arguments: str) -> subprocess.Popen[str]:
 
 @pytest.fixture
 def asked(bench: Bench) -> list[Any]:
-    """What was asked of a node with three services."""
+    """Requests that a node with three services has received."""
     requests: list[Any] = []
     node = bench.node("cell")
 

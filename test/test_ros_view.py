@@ -1,4 +1,4 @@
-"""What is watched in a cell, from real nodes: markers, progress, URDF with joint states, rqt."""
+"""Views of a cell from real nodes: markers, progress, URDF with joint states, diagnostics."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ pytestmark = pytest.mark.ros
 
 
 class Watcher:
-    """Who comes late and watches: RViz, Foxglove, rqt."""
+    """A late subscriber, such as RViz, Foxglove or rqt."""
 
     def __init__(self, bench: Bench) -> None:
         node = bench.node("watcher")
@@ -55,14 +55,14 @@ class Watcher:
         )
 
     def sees(self, *names: str) -> dict[str, Marker]:
-        """Wait for a picture of exactly these drawings."""
+        """Wait for a picture with exactly these drawings."""
         wanted = set(names)
         assert self.bench.until(lambda: self.pictures and set(self.last) == wanted), set(self.last)
         return self.last
 
     @property
     def last(self) -> dict[str, Marker]:
-        """The last picture, by namespace."""
+        """The last picture by namespace."""
         clear, *markers = self.pictures[-1].markers
         assert clear.action == Marker.DELETEALL
         assert {m.header.frame_id for m in markers} == {"base_link"}
@@ -223,7 +223,7 @@ def test_states_that_cannot_be_shown_are_told_and_do_not_stop_it(bench: Bench) -
 
 
 def test_diagnostics_are_as_rqt_wants_them(bench: Bench, file: Path) -> None:
-    """Names that nest, the robot as hardware, one level, keys once each, figures with units."""
+    """Names nest, the robot is the hardware, keys are unique, and numbers have units."""
     Cell(bench, calibration=file)
     for kind in (RobotDescription, SimulatedTracker):
         bench.add(kind(context=bench.context, namespace="/hall_2"))
@@ -237,5 +237,5 @@ def test_diagnostics_are_as_rqt_wants_them(bench: Bench, file: Path) -> None:
         keys = [pair.key for pair in status.values]
         assert len(set(keys)) == len(keys)
         for key, value in values(status).items():
-            if re.fullmatch(r"[-+]?\d+\.\d*(e[-+]?\d+)?", value):  # no count: a unit is needed
+            if re.fullmatch(r"[-+]?\d+\.\d*(e[-+]?\d+)?", value):  # a decimal number needs a unit
                 assert re.search(r" \[[^]]+\]$", key), key

@@ -1,4 +1,4 @@
-"""One name, one figure: what is shown in several places is the same in all of them."""
+"""A number that is shown in several places is the same in all of them."""
 
 from __future__ import annotations
 
@@ -51,13 +51,13 @@ def session(name: str) -> Session:
 
 @lru_cache
 def by_node(name: str) -> FittedCalibration:
-    """What the node's `~/diagnose` does with a session."""
+    """Result of the node's `~/diagnose` for a session."""
     return diagnosed(session(name), ROBOT, None, 0)
 
 
 @lru_cache
 def fitted(name: str) -> FittedCalibration:
-    """What its `~/fit` does."""
+    """Result of its `~/fit`."""
     return fit(session(name), ROBOT, None, 0)
 
 
@@ -75,7 +75,7 @@ def report(name: str):
 def test_the_node_tells_the_errors_of_the_last_poses(
     way: Callable[[str], FittedCalibration],
 ) -> None:
-    """Those that their root mean square, over all poses, is told of as the error left."""
+    """The root mean square of these errors over all poses is the error left."""
     made = way("srbd_plain")
     told = [float(each) for each in made.last_errors().split(", ")]
     every = 1e3 * np.linalg.norm(made.found.missed, axis=1)
@@ -130,7 +130,7 @@ def test_the_models_have_the_same_errors_everywhere(name):
 
 
 def test_one_cause_alone_is_what_the_extended_model_has_more():
-    """Without it is the calibrated model, with it the extended one: no third pair of figures."""
+    """It is the extended model without and with it, so there is no third pair of numbers."""
     verdict = diagnosis("srbd_backlash").verdict
     (finding,) = verdict.findings
     assert finding.rms_before_mm == verdict.calibrated.held_out_rms_mm
@@ -140,7 +140,7 @@ def test_one_cause_alone_is_what_the_extended_model_has_more():
 
 
 def test_a_cause_that_shows_in_motion_says_so():
-    """Else its errors would stand beside those of the poses under the same name."""
+    """Otherwise its errors would have the same name as those of the poses."""
     verdict = diagnosis("srbd_backlash").verdict
     moving = replace(verdict.findings[0], in_motion=True)
     assert "held-out error in motion" in describe(replace(verdict, findings=(moving,)))
@@ -150,7 +150,7 @@ def test_a_cause_that_shows_in_motion_says_so():
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_before_is_the_drawing_and_no_reflector_that_flew_away(name):
-    """By a rigid alignment of each four sectors, which knows no reflector, priors or weights."""
+    """Compared with a rigid alignment of other sectors, without reflector, priors or weights."""
     held, poses = diagnosis(name).held, by_node(name).poses
     mechanism = ROBOT.model()
     drawn = mechanism.position(mechanism.forward(poses.joint, mechanism.parameters.nominal))
@@ -188,7 +188,7 @@ def test_a_fit_leaves_the_same_on_console_node_file_and_comparison(tmp_path, cap
 
 
 def test_an_extended_calibration_tells_the_error_left_as_a_fit_does():
-    """The same poses in the same parts; one is linear about the fit, the other solves anew."""
+    """The poses and parts are the same; one is linear about the fit, the other solves again."""
     ours, other = by_node("srbd_plain").found, fitted("srbd_plain").found
     for of in ("frame_only", "full"):
         a, b = getattr(ours, of), getattr(other, of)
@@ -198,7 +198,7 @@ def test_an_extended_calibration_tells_the_error_left_as_a_fit_does():
 
 @pytest.mark.parametrize("name", SESSIONS)
 def test_before_is_the_same_in_the_files_of_a_fit_and_of_a_diagnosis(name):
-    """By the poses alone: with readings on paths 1.0663 mm stood beside the 1.0135 of the fit."""
+    """From the poses alone. With readings on paths it would be 1.0663 mm instead of 1.0135 mm."""
     ours, other = by_node(name).found.frame_only, fitted(name).found.frame_only
     for figure in ("in_sample", "held_out", "held_out_max", "held_out_whitened"):
         assert getattr(ours, figure) == pytest.approx(getattr(other, figure), rel=1e-3), figure
@@ -215,7 +215,7 @@ def test_fit_and_diagnosis_have_one_noise(name):
 
 
 def test_a_node_sees_the_poses_that_a_reader_of_its_recording_sees():
-    """Message by message into a capture, and read from the bag: equal poses to the last digit."""
+    """A capture of all messages and the recording read as a file give exactly equal poses."""
     read, capture = session("srbd_plain"), Capture(ROBOT.joints.names, 100_000)
     assert read.tracker is not None
     capture.start()
@@ -234,7 +234,7 @@ def test_a_node_sees_the_poses_that_a_reader_of_its_recording_sees():
 
 
 def test_a_stretch_of_a_session_is_what_was_captured_in_it():
-    """What a node captured of a longer recording, as the demonstration's report cuts it out."""
+    """Part of a longer recording, as it is cut out for the report of the demonstration."""
     read = session("srbd_plain")
     whole = collect(read, ROBOT.joints.names)
     assert read.tracker is not None
@@ -246,7 +246,7 @@ def test_a_stretch_of_a_session_is_what_was_captured_in_it():
 
 
 def test_a_way_into_a_stop_that_was_lost_is_no_stop():
-    """It stands still where the joints turn round, 10 mrad off: millimetres for the tool."""
+    """The joints also stand still where they reverse, 10 mrad away: millimetres at the tool."""
     poses = collect(session("srbd_plain"), ROBOT.joints.names).take(np.arange(0, 20, 2))
     plan = replace(make_plan("line", ROBOT, count=10, both_sides=False), joint=poses.joint + 3e-3)
     joint = poses.joint.copy()
@@ -255,7 +255,7 @@ def test_a_way_into_a_stop_that_was_lost_is_no_stop():
     assert len(at_targets(replace(poses, joint=joint), plan)) == 9
 
 
-# --- a fit that leaves too much says so
+# --- warnings of a fit that leaves too much
 
 
 def test_a_fit_to_enough_places_has_no_doubt():
@@ -284,7 +284,7 @@ def test_a_swarm_that_has_not_come_to_rest_is_not_the_model_s_fault():
 
 
 def test_a_standard_error_has_a_digit():
-    """Of gains, a micrometre a radian is no rounding."""
+    """For gains, a micrometre per radian is not negligible."""
     assert [_digits(std) for std in (12.0, 0.4, 0.004, 0.0002, 0.0)] == [3, 3, 3, 4, 3]
 
 
@@ -338,7 +338,7 @@ def test_a_simulated_session_has_no_date_anywhere(capsys):
 
 
 def test_a_simulation_counts_the_poses_that_a_fit_finds(tmp_path, capsys):
-    """Ends of paths stand still too: stops of the plan are not what is found at rest."""
+    """The ends of paths are poses at rest too, so these are more than the stops of the plan."""
     session = str(tmp_path / "session")
     plan = ["--plan", "rich", "--count", "2", "--seed", "1"]
     assert run(["simulate", "--robot", "srbd", *plan, "--out", session]) == 0

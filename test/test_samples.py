@@ -1,4 +1,4 @@
-"""Readings matched by stamp, still moments found, poses with their conditions."""
+"""Readings matched by stamp, poses at rest, and the conditions of a pose."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def ns(seconds):
 
 
 def seen(q):
-    """Some smooth place of the platform for joints q; what it is does not matter here."""
+    """A smooth function of the joints in place of the platform position."""
     return np.array([3.0, 0.0, 0.0]) + 0.4 * np.asarray(q) @ np.array(
         [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
     )
@@ -48,7 +48,7 @@ def session(time, q, *, point=None, encoder=0.0, rng=None, **streams):
 
 
 def stops(goals, dwell=1.0, rate=20.0, way=0.5):
-    """Times and joints of a walk from stop to stop, each reached in a straight move."""
+    """Times and joints of a motion from stop to stop in straight lines."""
     here, joints = np.asarray(goals[0], dtype=float), []
     for goal in goals:
         share = np.linspace(0, 1, int(way * rate), endpoint=False)[:, None]
@@ -59,7 +59,7 @@ def stops(goals, dwell=1.0, rate=20.0, way=0.5):
 
 
 def noisy(q, rng):
-    """A tracker's readings: 3 um along the beam, which is x here, 8 across."""
+    """Tracker readings with noise of 3 um along the beam (here x) and 8 um across."""
     return seen(q) + [3e-6, 8e-6, 8e-6] * rng.standard_normal((len(q), 3))
 
 
@@ -70,7 +70,7 @@ GOALS = [[0.1, 0.2, 0.3], [0.4, 0.0, 0.1], [0.1, 0.5, -0.1], [0.1, 0.2, 0.3]]
 
 
 def test_joints_are_interpolated_at_the_readings_own_stamps():
-    """Joints at 10 Hz in fast motion: pairing with the nearest would be wrong by up to 50 mrad."""
+    """Joints at 10 Hz in fast motion; the nearest message would be wrong by up to 50 mrad."""
     time, late = np.arange(0, 2, 0.1), np.arange(0, 1.9, 0.037)
 
     def angle(t):
@@ -81,7 +81,7 @@ def test_joints_are_interpolated_at_the_readings_own_stamps():
     np.testing.assert_allclose(readings.joint, angle(late), atol=1e-9)
     np.testing.assert_allclose(readings.command, angle(late), atol=1e-9)
     nearest = angle(time[np.abs(late[:, None] - time).argmin(axis=1)])
-    assert np.abs(nearest - angle(late)).max() > 0.04  # what this test would catch
+    assert np.abs(nearest - angle(late)).max() > 0.04  # an error that this test would find
 
 
 def test_streams_may_come_out_of_order():
@@ -101,7 +101,7 @@ def test_streams_may_come_out_of_order():
 
 
 def test_readings_without_joints_near_them_are_counted():
-    """A hole of 2 s in motion: only what lies within 50 ms of a message is used."""
+    """A gap of 2 s in motion: only readings within 50 ms of a message are used."""
     time = np.arange(0, 6, 0.02)
     there = (time < 2.0) | (time > 4.0)
     q = np.stack([0.1 * time, 0 * time, 0 * time], axis=1)
@@ -114,7 +114,7 @@ def test_readings_without_joints_near_them_are_counted():
     held = Session(
         "made", None, JointStream(states.stamp_ns, NAMES, 0 * q[there] + 0.1), made.tracker
     )
-    assert match(held, NAMES).rejected.unmatched == 0  # held on both sides: nothing can have moved
+    assert match(held, NAMES).rejected.unmatched == 0  # joints cannot have moved
 
 
 def test_no_overlap_in_time_says_both_spans():
@@ -181,7 +181,7 @@ def test_repeated_stamps_and_frozen_runs_are_counted():
     time, q = stops(GOALS)
     point = noisy(q, rng)
     point[30:35] = point[29]  # five more of the same: frozen
-    point[50] = point[49]  # one more: may be chance, or a tracker that rounds
+    point[50] = point[49]  # only one more: may be chance, or a tracker that rounds
     again = np.r_[np.arange(len(time)), [7, 7, 9]]
     made = session(time, q, tracker=TrackerStream(ns(time)[again], point[again]))
     readings = match(made, NAMES)
@@ -190,7 +190,7 @@ def test_repeated_stamps_and_frozen_runs_are_counted():
     assert len(readings.time) == len(time) - 5
 
 
-# Still moments
+# Poses at rest
 
 
 def test_each_stop_is_one_pose_and_its_mean():
@@ -211,7 +211,7 @@ def test_each_stop_is_one_pose_and_its_mean():
 
 
 def test_a_command_that_stops_coming_still_belongs_to_its_stop():
-    """A plan has ended, or the recorder joined late: the joints hold, the commands are missing.
+    """A plan has ended, or the recorder started late: the joints rest, but commands are missing.
 
     The joints are compensated, a milliradian from the command, and their encoders are noisy.
     """
@@ -227,7 +227,7 @@ def test_a_command_that_stops_coming_still_belongs_to_its_stop():
 
 
 def test_outliers_are_set_aside_from_six_sigma_on():
-    """65 um off with 8 um of noise is an outlier; 500 readings of pure noise have none."""
+    """With 8 um of noise 65 um is an outlier; 500 readings of pure noise have none."""
     rng = np.random.default_rng(4)
     time, q = stops(GOALS, dwell=6.0)
     point = noisy(q, rng)
@@ -253,7 +253,7 @@ def test_settling_is_left_out_and_counted_apart():
 
 @pytest.mark.parametrize("speed", [2e-3, 0.03, 0.3])
 def test_a_sweep_at_constant_speed_is_not_still(speed):
-    """Even where the whole session is one sweep, and its even steps could pass for noise."""
+    """Even if the session is a single sweep, whose equal steps could be taken for noise."""
     time = np.arange(0, 10, 0.05)
     q = np.stack([speed * time, 0 * time, 0 * time], axis=1)
     with pytest.raises(DataError, match=r"no pose at rest: every reading was taken in motion$"):
@@ -316,13 +316,13 @@ def test_direction_is_that_of_the_last_motion_from_both_sides():
     assert poses.direction[4].tolist() == (-side).tolist()
     assert poses.place[2] == poses.place[4]
     assert poses.repeat[2] != poses.repeat[4]
-    # two joints were not moved: their play is where the move before has left it
+    # two joints were not moved: their backlash is as the previous move has left it
     assert poses.direction[5].tolist() == [1.0, *(-side).tolist()[1:]]
-    assert (poses.direction[0] == 0).all()  # nobody knows what was before
+    assert (poses.direction[0] == 0).all()  # the motion before is not known
 
 
 def test_a_turn_beyond_the_goal_counts_not_the_long_way_before_it():
-    """From below past the goal and back into it: the last motion was down."""
+    """Upwards past the goal and back to it: the last motion was down."""
     way = np.r_[np.full(20, 0.1), np.linspace(0.1, 0.22, 20), np.linspace(0.22, 0.2, 8)]
     way = np.r_[way, np.full(20, 0.2)]
     q = way[:, None] * np.ones(3)
@@ -383,13 +383,13 @@ def test_too_few_places_are_refused_with_both_numbers():
 )
 @pytest.mark.parametrize("name", KEPT)
 def test_kept_sessions(name):
-    """190 stops of the plan; ends of sweeps and circles stand still as well."""
+    """190 stops of the plan; the ends of sweeps and circles are poses at rest as well."""
     poses = collect(read_session(SESSIONS / name), NAMES)
-    planned = slice(0, 190)  # then come the sweeps and circles
+    planned = slice(0, 190)  # then the sweeps and circles follow
     places, times = np.unique(poses.place[planned], return_counts=True)
     assert len(places) == 40
     assert times.min() == 4  # from both sides with both payloads
-    assert sorted(times)[-10:] == [7] * 10  # and three times more
+    assert sorted(times)[-10:] == [7] * 10  # ten places three times more
     assert 190 < len(poses) <= 210
     assert np.median(poses.count) == pytest.approx(21, abs=1)
     assert 0 < poses.rejected.outlier < 40
@@ -409,4 +409,4 @@ def test_a_session_is_not_changed():
 def test_frozen_readings_are_said_where_nothing_else_is_left():
     time, q = stops(GOALS)
     with pytest.raises(DataError, match=r"taken in motion; \d+ were set aside as frozen"):
-        collect(session(time, q), NAMES)  # a tracker without noise repeats itself at every stop
+        collect(session(time, q), NAMES)  # noise-free readings repeat at every stop

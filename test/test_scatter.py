@@ -1,4 +1,4 @@
-"""Dimensions out of line with the machine's own scatter: how often chance alone says so."""
+"""False alarm rates of dimensions that stand out from the scatter of the machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ DRAWS, LEVELS = 300, (0.05, 0.01)
 
 
 def built(name, scatter, rng):
-    """Evidence of machines of which every part is off by `scatter` of its tolerance at random."""
+    """Evidence of machines with random errors of all parts, `scatter` times their tolerance."""
     robot = load_robot(name)
     session = simulate_session(draw_machine(robot, 5), make_plan("identify", robot, count=20), 5)
     seen = calibrated(survey(session, robot.joints.names), robot).evidence
@@ -33,17 +33,17 @@ def built(name, scatter, rng):
 @pytest.mark.parametrize("name", ["linear_delta", "scara"])
 @pytest.mark.parametrize("scatter", [1.0, 0.02])
 def test_chance_says_that_a_part_is_out_of_line_as_often_as_it_is_said_to(name, scatter) -> None:
-    """Machines of few parts, of a scatter far above the noise and of one that sinks in it."""
+    """Machines of few parts, with a scatter far above the noise and with one below it."""
     rng = np.random.default_rng([7, len(name), round(1 / scatter)])
     every = [scatter_of(one) for one in built(name, scatter, rng)]
     one = np.array([s.outlier.log_p for s in every])
-    for level in LEVELS:  # the parts are not tried one by one: fewer than that may be seen
+    for level in LEVELS:  # parts are not tested one by one, so there may be fewer false alarms
         assert np.sum(one < np.log(level)) <= binom.ppf(0.999, DRAWS, level)
 
 
 @pytest.mark.parametrize("name", ["linear_delta", "scara"])
 def test_chance_says_that_all_are_too_large_as_often_as_it_is_said_to(name) -> None:
-    """By parts that use up their tolerances."""
+    """With parts whose errors are as large as their tolerances."""
     rng = np.random.default_rng([8, len(name)])
     size = np.array([scatter_of(one).log_p for one in built(name, 1.0, rng)])
     for level in LEVELS:

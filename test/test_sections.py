@@ -1,4 +1,4 @@
-"""Sections of a file: keys with units, arrays, parts within parts, what is refused."""
+"""Sections of a file: keys with units, arrays, nested parts, refusals."""
 
 from __future__ import annotations
 

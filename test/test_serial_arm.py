@@ -1,4 +1,4 @@
-"""Serial arm: postures, rank, and plain DH matrices beside it."""
+"""Serial arm: postures, rank, and comparison with plain DH matrices."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def joints_about_home(arm, rng, n, spread=1.0):
 
 
 def test_ur10_against_its_dh_matrices():
-    """A_i = R_z(theta) T_z(d) T_x(a) R_x(alpha), the maker's form, multiplied out."""
+    """A_i = R_z(theta) T_z(d) T_x(a) R_x(alpha), the manufacturer's convention, multiplied."""
     a, d = [0, -0.612, -0.5723, 0, 0, 0], [0.1273, 0, 0, 0.163941, 0.1157, 0.0922]
     alpha = np.radians([90, 0, 0, 90, -90, 0])
     arm = SerialArm(UR10, TOLERANCES)
@@ -83,7 +83,7 @@ def test_inverse_undoes_forward_beside_its_guess(arm):
 
 
 def test_pose_of_half_a_turn_is_found():
-    """Where the rotation vector jumps from pi to -pi the miss must not."""
+    """Although the rotation vector jumps from pi to -pi, the residual must not."""
     arm = SerialArm(UR10, TOLERANCES)
     g = arm.parameters.nominal
     task = np.array([[0.5, 0.3, 0.4, np.pi - 1e-9, 0.0, 0.0], [0.5, 0.3, 0.4, 1e-9 - np.pi, 0, 0]])
@@ -105,7 +105,7 @@ def test_elbow_stays_on_the_side_of_home(side):
 
 
 def test_scara_is_paper_003_equation_5():
-    """x = l1 cos t1 + l2 cos(t1 + t2), y the same with sines."""
+    """x = l1 cos t1 + l2 cos(t1 + t2), and y likewise with sines."""
     arm = SerialArm(SCARA, TOLERANCES)
     q = np.random.default_rng(9).uniform(-3, 3, (20, 2))
     one, both = q[:, 0], q.sum(axis=1)
@@ -152,13 +152,13 @@ def observed_rank(arm, frame: bool, rng):
     columns = np.concatenate([jacobian, twist], axis=-1) if frame else jacobian
     values = np.linalg.svd(columns.reshape(-1, columns.shape[-1]), compute_uv=False)
     kept = values > 1e-9 * values[0]
-    assert values[kept].min() > 1e-4 * values[0]  # the gap is clear: the parameters are regular
+    assert values[kept].min() > 1e-4 * values[0]  # a clear gap: the parameters are regular
     return int(kept.sum())
 
 
 @pytest.mark.parametrize("dimensions", [UR10, MOUNTED, SCARA], ids=["ur10", "mounted", "scara"])
 def test_identifiable_parameters_are_four_a_joint_and_six(dimensions):
-    """4 R + 2 P + 6 with both end frames free (Mooring, Roth, Driels 1991); two less without."""
+    """4 R + 2 P + 6 with both end frames free (Mooring, Roth, Driels 1991), else two fewer."""
     arm = SerialArm(dimensions, TOLERANCES)
     assert len(arm.parameters) == 4 * arm.joints + 6
     assert observed_rank(arm, True, np.random.default_rng(10)) == 4 * arm.joints + 6

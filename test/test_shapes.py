@@ -1,4 +1,4 @@
-"""Searched fields of an effect: found between the points of the search, and how sure it is."""
+"""Searched fields of an effect are found between the points of the search, with intervals."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("linear_delta")
-CYCLES = 2 * np.pi / 0.0123  # a screw that was cut by eye [rad/m]
+CYCLES = 2 * np.pi / 0.0123  # a screw with a pitch of 12.3 mm [rad/m]
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def machine():
 
 @pytest.fixture(scope="module")
 def fitted(machine):
-    """The machine's session, fitted from a shape a little beside the true one."""
+    """The session of the machine, fitted from a slightly wrong shape."""
     plan = make_plan("identify", ROBOT, seed=3)
     seen = survey(
         simulate_session(machine, plan, 3), ROBOT.joints.names, ROBOT.commanded.joint_size
@@ -43,7 +43,7 @@ def fitted(machine):
 
 
 def test_a_frequency_is_found_between_the_points_of_the_search(fitted):
-    """To a hundredth of what the points lie apart in the last zoom, by the parabola's top."""
+    """To a hundredth of the spacing of points in the last zoom, by the vertex of a parabola."""
     (term,) = fitted.terms
     assert isinstance(term.effect.cycles, float)
     assert term.effect.cycles == pytest.approx(CYCLES, abs=0.1)
@@ -57,7 +57,7 @@ def test_what_a_frequency_leaves_open_is_in_the_intervals(fitted, machine):
 
 
 def test_positions_go_by_amplitude_and_frequency_together(fitted, machine):
-    """By true errors at the poses; amplitudes, told at zero of the scale, are less sure."""
+    """By true errors at the poses. Amplitudes, stated at zero of the scale, are less certain."""
     chain, theta, at = fitted.extended.chain, fitted.theta, fitted.survey.poses.conditions
     missed = machine.reflector_points(at) - chain.predict(at, theta)
     true = np.mean(np.sum(missed**2, axis=1))
@@ -71,7 +71,7 @@ def test_positions_go_by_amplitude_and_frequency_together(fitted, machine):
 
 
 def test_columns_of_a_field_are_differences_of_the_signal(fitted):
-    """Against a coarser difference, in units of a uniform distribution's spread."""
+    """Compared with a coarser difference, in units of the spread of a uniform distribution."""
     (term,) = fitted.terms
     evidence, scaled = fitted.evidence, fitted.scaled(term)
     ((name, low, high),) = term.effect.intervals()
@@ -103,9 +103,9 @@ def hidden_and_fitted(name, cause, seed, hidden, plan="identify", period=0.0, sh
 
 
 def test_what_a_time_constant_leaves_open_is_in_the_growth():
-    """Eight minutes tell hardly more than growth over time constant, which is forty.
+    """Eight minutes hardly show more than growth over time constant, which is forty minutes.
 
-    By the verdict's intervals and by the calibration's.
+    By the intervals of the verdict and by those of the calibration.
     """
     cause, z = "thermal_growth_forearm", []
     for seed in (41, 42, 43, 44):
@@ -121,13 +121,13 @@ def test_what_a_time_constant_leaves_open_is_in_the_growth():
 
 @pytest.fixture(scope="module")
 def stepped():
-    """Joints that lose their zeros at once, between two of the stops, which are a minute apart."""
+    """All joints lose their zeros at one moment, between two stops that are a minute apart."""
     hidden, tried = {"strength": "2.0", "step_at": "2500"}, {"step_at": 2371.0}
     return hidden_and_fitted("srbd", "joint_zero_drift", 41, hidden, "rich", 60.0, tried)
 
 
 def test_the_moment_of_a_step_is_told_as_surely_as_stops_lie_about_it(stepped):
-    """Within the gap nothing tells where; beyond it, every sample."""
+    """Within the gap the moment cannot be determined; beyond it, every sample determines it."""
     _, _, model = stepped
     (term,) = model.terms
     time = np.sort(model.survey.poses.time)
@@ -136,12 +136,12 @@ def test_the_moment_of_a_step_is_told_as_surely_as_stops_lie_about_it(stepped):
     assert time[after - 1] < term.effect.step_at < time[after]
     of_shape = spread_of(model.evidence, model, term)[1]
     said = shape_of(term, of_shape)["step_at_s"]
-    assert 0.2 * gap < said.std < 0.5 * gap  # 0.29 where all moments in it are alike
+    assert 0.2 * gap < said.std < 0.5 * gap  # 0.29 if all moments in it are equally likely
     assert abs(said.value - 2500.0) < 1.96 * said.std
 
 
 def test_a_moment_is_sought_with_the_poses_that_a_fit_without_it_sets_aside(stepped):
-    """Where the noise is found smaller, they are gross errors to a machine without the cause."""
+    """With the smaller noise, these poses are gross errors for the model without the cause."""
     _, start, model = stepped
     quiet = start.quieter(model)
     assert quiet.floor < 0.5 * start.floor
@@ -170,7 +170,7 @@ def test_a_joint_that_slipped_early_is_named_and_its_few_poses_are_no_outliers(e
 
 
 def test_a_gross_error_beside_them_stays_out():
-    """One reading of another reflector would decide what explains the poses before a slip."""
+    """A single wrong reading must not decide how the poses before a slip are explained."""
     robot, hidden = load_robot("srbd"), {"strength": "6.0", "step_at": "1240"}
     machine = draw_machine(robot, 41, hidden={"joint_zero_drift": hidden})
     session = simulate_session(machine, make_plan("rich", robot, seed=41), 41, period=60.0)
@@ -180,24 +180,24 @@ def test_a_gross_error_beside_them_stays_out():
     found = diagnose(replace(seen, poses=replace(seen.poses, point=point)), robot)
     assert [f.cause for f in found.verdict.findings] == ["joint_zero_drift"]
     out = found.verdict.session.rejected["unlike_the_model"]
-    assert out == seen.poses.count[wrong].sum()  # readings
+    assert out == seen.poses.count[wrong].sum()  # number of readings
 
 
 def test_outliers_like_their_neighbours_are_told_from_others():
     rng = np.random.default_rng(5)
     joint = rng.uniform(-0.5, 0.5, (12, 3))
-    missed = 50.0 + 15.0 * joint  # as a slip of joints, by place
+    missed = 50.0 + 15.0 * joint  # a slip of the joints, depending on the place
     missed[3], missed[7] = [-40.0, 60.0, -45.0], [400.0, 380.0, 420.0]
     expected = np.ones(12, dtype=bool)
     expected[[3, 7]] = False
     np.testing.assert_array_equal(like_neighbours(missed, joint), expected)
     scattered = like_neighbours(rng.standard_normal((40, 3)), rng.uniform(-0.5, 0.5, (40, 3)))
     assert scattered.mean() < 0.4
-    assert not like_neighbours(missed[:4], joint[:4]).any()  # too few to be told
+    assert not like_neighbours(missed[:4], joint[:4]).any()  # too few to decide
 
 
 def test_outliers_that_are_alike_and_no_cause_explains_stay_out():
-    """A reflector that was off its nest by a centimetre for ten poses: no joint does that."""
+    """A reflector that was off its nest by a centimetre for ten poses; no joint explains that."""
     robot = load_robot("srbd")
     machine = draw_machine(robot, 41)
     session = simulate_session(machine, make_plan("rich", robot, seed=41), 41, period=60.0)
@@ -207,15 +207,15 @@ def test_outliers_that_are_alike_and_no_cause_explains_stay_out():
     seen = replace(seen, poses=replace(seen.poses, point=point))
     found = diagnose(seen, robot)
     out = found.verdict.session.rejected["unlike_the_model"]
-    assert out == seen.poses.count[60:70].sum()  # readings
+    assert out == seen.poses.count[60:70].sum()  # number of readings
     assert found.verdict.findings == ()
 
 
 def test_a_search_stays_within_what_a_file_may_hold():
-    """A SCARA's load hardly moves about: nothing tells how deep its feet are."""
+    """The load of a SCARA hardly moves, so the depth of its feet cannot be determined."""
     machine, _, model = hidden_and_fitted("scara", "base_compliance", 90001, {})
     (term,), own = model.terms, model.layout.effects
     assert term.effect.wrong() == ""
     (error,) = model.theta[own] - machine.theta[machine.chain.layout.effects]
     told = spread_of(model.evidence, model, term)[0] * term.effect.parameters.prior
-    assert abs(error) < 2.3 * told[0]  # give and radius are told together only: 27 times off
+    assert abs(error) < 2.3 * told[0]  # with the shape held fixed, give would be 16 std off

@@ -1,8 +1,9 @@
-"""The simulated machine against lever arms of its legs, its noise against what is stated.
+"""The simulated machine compared with lever arms of its legs, and its noise with stated values.
 
-What a hidden cause moves is checked to first order, written out here on its own: a rod that
-points along s from its elbow to the platform lets the platform through by s . dp + s . (w x a), a
-its ball joint in the platform; that is s . (what moved its elbow) plus what its length grew by.
+The displacement by a hidden cause is checked to first order, independently of the package. A rod
+with direction s from its elbow to the platform constrains the displacement dp and rotation w of
+the platform: s . dp + s . (w x a), with a its ball joint in the platform, equals s . (displacement
+of its elbow) plus the change of its length.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from delta_calibration.simulation import (
 )
 
 ROBOT = load_robot("srbd")
-BASE, PLATFORM, ARM, ROD, HALF = 0.2, 0.055, 0.32, 0.85, 0.04  # [m] the paper's table 1
+BASE, PLATFORM, ARM, ROD, HALF = 0.2, 0.055, 0.32, 0.85, 0.04  # [m] table 1 of the paper
 PLACES = np.array([[0, 0, -0.711], [0.3, -0.2, -0.75], [-0.1, 0.25, -0.7], [0.2, 0.3, -0.85]])
 Q = nominal_joints(ROBOT, PLACES)
 LINE = make_plan("line", ROBOT, count=5, dwell=0.3)
@@ -38,18 +39,18 @@ def with_tracker(**facts):
 
 
 def moved_by(**causes):
-    """How far hidden causes move the tool of a machine that is else as drawn, (n, 3) [m]."""
+    """Displacement of the tool by hidden causes in a nominal machine, (n, 3) [m]."""
     drawn = draw_machine(ROBOT, 0, 0.0).tool_points(standing(Q))
     return draw_machine(ROBOT, 0, 0.0, causes).tool_points(standing(Q)) - drawn
 
 
 def at(value, leg=None):
-    """Options as the command line hands them on."""
+    """Options in the form of the command line."""
     return {"value": str(value)} | ({} if leg is None else {"location": f"joint_{leg + 1}"})
 
 
 class LegFrame:
-    """Unit vectors of a leg of the drawing, in the base."""
+    """Unit vectors of a nominal leg, in the base."""
 
     def __init__(self, place, q, leg):
         a = 2 * np.pi * leg / 3
@@ -63,7 +64,7 @@ class LegFrame:
 
 
 def expected(let_through):
-    """dp (n, 3), where the rod at `side` (-1, 1) of a leg lets through so much along itself."""
+    """Displacement dp (n, 3) if the rod at `side` (-1, 1) of a leg yields along itself."""
     answer = []
     for place, q in zip(PLACES, Q, strict=True):
         rows, right = [], []
@@ -86,7 +87,7 @@ def test_a_machine_without_scatter_is_as_drawn():
     np.testing.assert_allclose(tool, PLACES, atol=1e-12)
 
 
-SMALL = 1e-5  # [m] or [rad]: what is left of second order is under 1e-8 m
+SMALL = 1e-5  # [m] or [rad]: second-order terms are below 1e-8 m
 
 
 @pytest.mark.parametrize(
@@ -96,7 +97,7 @@ SMALL = 1e-5  # [m] or [rad]: what is left of second order is under 1e-8 m
         ("joint_zero_offset", None, lambda f, side: SMALL * ARM * f.turn),
         ("arm_length", 2, lambda f, side: SMALL * f.arm),
         ("base_joint_position", 0, lambda f, side: SMALL * (f.out + f.along + f.up)),
-        (  # turned about the leg's radius and the vertical, the line of ball joints with it
+        (  # rotated about the radius of the leg and the vertical, with the line of its ball joints
             "base_joint_tilt",
             0,
             lambda f, side: np.cross(SMALL * (f.out + f.up), ARM * f.arm + side * HALF * f.along),
@@ -166,7 +167,7 @@ def test_what_cannot_be_hidden_is_refused_with_the_choice(cause, options, messag
 
 
 def test_parts_scatter_by_their_tolerances():
-    """Over 200 machines, each parameter of the geometry in units of its prior."""
+    """200 machines, with each parameter of the geometry in units of its prior."""
     nominal = draw_machine(ROBOT, 0).chain.mechanism.parameters
     g = np.array([draw_machine(ROBOT, seed).theta[: len(nominal)] for seed in range(200)])
     z = (g - nominal.nominal) / nominal.prior
@@ -179,7 +180,7 @@ def test_parts_scatter_by_their_tolerances():
 
 @pytest.mark.parametrize(("name", "off"), [("srbd", 1e-3), ("scara", 1e-4)])
 def test_the_reflector_is_no_further_off_than_the_file_expects(name, off):
-    """Else every clean machine shows a place of the reflector that its prior calls impossible."""
+    """Otherwise the reflector of every machine without a cause would contradict its prior."""
     robot = load_robot(name)
     machines = (draw_machine(robot, seed) for seed in range(100))
     missed = [m.chain.split(m.theta)[1] - robot.tracker.reflector_offset for m in machines]
@@ -221,15 +222,15 @@ def test_readings_are_of_the_reflector_in_the_trackers_frame():
     )
     machine = draw_machine(robot, 1, 0.0)
     y = machine.readings(standing(Q), np.random.default_rng(0))
-    seen, real = y[1:] - y[0], PLACES[1:] - PLACES[0]  # a platform as drawn does not tilt
+    seen, real = y[1:] - y[0], PLACES[1:] - PLACES[0]  # a nominal platform does not tilt
     np.testing.assert_allclose(seen @ seen.T, real @ real.T, atol=1e-12)
-    assert np.linalg.det(seen) == pytest.approx(np.linalg.det(real), rel=1e-9)  # not mirrored
+    assert np.linalg.det(seen) == pytest.approx(np.linalg.det(real), rel=1e-9)  # no mirror image
     offset = machine.chain.split(machine.theta)[2].inverse().apply(y) - PLACES
     np.testing.assert_allclose(offset, np.tile([0.1, 0.0, -0.05], (4, 1)), atol=1e-12)
 
 
 def test_joints_come_to_rest_12_urad_off_once_a_move():
-    """Seen through the motion of a machine as drawn, with a tracker without noise."""
+    """From the readings of a nominal machine with a tracker without noise."""
     robot = with_tracker(radial=1e-15, transverse=1e-15, transverse_per_metre=0.0)
     machine = draw_machine(robot, 4, 0.0)
     plan = make_plan("disc", robot, count=60, dwell=0.3)
@@ -266,7 +267,7 @@ def test_the_seeds_decide_everything():
     once = simulate_session(machine, LINE, 9)
     assert same(once, simulate_session(machine, LINE, 9)) == [True, True, True]
     assert same(once, simulate_session(machine, LINE, 10)) == [True, False, False]
-    np.random.seed(0)  # noqa: NPY002 - nothing may come from the global generator
+    np.random.seed(0)  # noqa: NPY002 - the global generator must not be used
     assert same(once, simulate_session(machine, LINE, 9))[1:] == [True, True]
 
 

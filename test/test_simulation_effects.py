@@ -1,7 +1,7 @@
-"""Effects hidden in a simulated machine, against sizes of real ones and numbers found otherwise.
+"""Hidden effects in a simulated machine, compared with typical sizes and independent results.
 
-What an effect does is compared with the same seed without it, on a cell without noise: the
-difference is the effect. Slopes of the platform are those of `six_rods`, which shares no code.
+The effect is the difference to the same seed without it, in a cell without noise. Jacobians of the
+platform are those of `six_rods`, which shares no code.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def measured(*effects, seed=2, plan=PLAN, **options):
 
 
 def moved_by(*effects, **options):
-    """Of all readings by the effects, (n, 3) [m]."""
+    """Displacement of all readings by the effects, (n, 3) [m]."""
     with_them, without = measured(*effects, **options), measured(**options)
     return with_them.tracker.position - without.tracker.position
 
@@ -88,7 +88,7 @@ def values_of(machine):
 
 
 def slopes(q):
-    """d(platform)/dq of the drawing, (n, 3, 3) [m/rad]."""
+    """d(platform)/dq of the nominal machine, (n, 3, 3) [m/rad]."""
     step = 1e-5
     columns = [
         (SixRods().point(q + step * e) - SixRods().point(q - step * e)) / (2 * step)
@@ -98,8 +98,8 @@ def slopes(q):
 
 
 # Root mean square at rest over a workspace of 560 mm [um], for the sizes that the effects expect
-# (20 ppm, 0.2 mrad, 1 minute of arc, 25 kN m/rad, ...), by a linearised Delta of six rods; those
-# that grow with time at half of what they come to. Within a factor of 2.5.
+# (20 ppm, 0.2 mrad, 1 minute of arc, 25 kN m/rad, ...), from a linearised Delta of six rods; those
+# that grow with time at half of their final size. Correct within a factor of 2.5.
 AT_REST = {
     "tracker_scale": 60,
     "tracker_drift": 25,
@@ -114,8 +114,8 @@ AT_REST = {
     "thermal_growth_base": 4,
     "thermal_growth_forearm": 60,
     "forearm_compliance": 4,
-    "base_compliance": 17,  # 7 kg on feet of 0.25 um/N, most of it the same everywhere
-    "ball_joint_clearance": 40,  # twice its own size: a pair that is pulled and pushed turns
+    "base_compliance": 17,  # 7 kg on feet of 0.25 um/N, nearly the same everywhere
+    "ball_joint_clearance": 40,  # twice its own size: a pair under opposite forces rotates
 }
 # On a circle at 0.5 m/s, 1.3 m/s^2.
 IN_MOTION = {"timestamp_latency": 2500, "joint_lag": 2500, "dynamic_deflection": 20}
@@ -133,7 +133,7 @@ def test_every_effect_moves_the_readings_by_its_usual_size(cause):
     if cause in AT_REST:
         assert 0.4 < rms(moved[RESTING]) / (1e-6 * AT_REST[cause]) < 2.5
     else:
-        # Where loads are taken the pose is sought once more: up to the last bit of a reading.
+        # With loads the pose is solved once more, which may change the last bit of a reading.
         np.testing.assert_allclose(moved[RESTING], 0.0, atol=1e-15)
         assert 0.4 < rms(moved[CIRCLE]) / (1e-6 * IN_MOTION[cause]) < 2.5
     assert rms(moved_by(f"{cause}:strength=0.1")) == pytest.approx(0.1 * rms(moved), rel=0.03)
@@ -194,7 +194,7 @@ def test_a_scale_is_a_share_of_every_reading():
 
 
 def test_latency_is_the_way_of_a_moment_back():
-    """Against the readings themselves, differentiated over time."""
+    """Compared with the derivative of the readings by time."""
     plain = measured().tracker
     time = (plain.stamp_ns - plain.stamp_ns[0]) * 1e-9
     course = CubicSpline(time[CIRCLE], plain.position[CIRCLE])
@@ -213,7 +213,7 @@ def test_a_slow_recording_is_of_the_same_motion(rate):
 
 
 def test_backlash_parts_the_two_sides_by_the_gap():
-    """Coming from below a joint stays half a gap below; the play is crossed on the way in."""
+    """Coming from below, a joint stays half a gap below; the gap is crossed on the way."""
     gap = 4e-4
     effect = f"backlash:location=joint_2,value={gap}"
     machine = machine_with(effect, scatter=0.0)
@@ -229,7 +229,7 @@ def test_backlash_parts_the_two_sides_by_the_gap():
 
 @pytest.mark.parametrize("cause", ["backlash", "stick_slip", "joint_lag", "timestamp_latency"])
 def test_what_was_there_at_rest_is_carried_from_leg_to_leg(cause):
-    """The command stands still from the end of a leg to the begin of the next, and so does all."""
+    """If the command does not change between two legs, the readings do not change either."""
     session = measured(cause)
     command, point = session.command.position, session.tracker.position
     begins = np.flatnonzero(np.diff(NUMBER)) + 1
@@ -239,7 +239,7 @@ def test_what_was_there_at_rest_is_carried_from_leg_to_leg(cause):
 
 
 def test_a_drive_sags_under_its_payload():
-    """By the work of a falling weight: torque = m g dz/dq, twist = torque / k."""
+    """By virtual work: torque = m g dz/dq, twist = torque / k."""
     compliance = 6e-5
     loads = []
     for mass in (0.0, 2.0):
@@ -256,7 +256,7 @@ def test_a_drive_sags_under_its_payload():
 
 
 def test_arms_grow_with_the_temperature_that_is_recorded():
-    """Against the same machine with arms as long as they are then."""
+    """Compared with a machine whose arms have the length at that temperature."""
     expansion = 23e-6
     machine = machine_with(f"thermal_growth_arm:value={expansion}", scatter=0.0)
     session = simulate_session(machine, STOPS, 2, RATE, PERIOD)
@@ -276,7 +276,7 @@ def test_effects_add():
     one, other = "joint_compliance", "transmission_error"
     both = moved_by(one, other)
     assert rms(both) > 5e-5
-    # to first order: where inertia is most the one is 3 mm, and the other turns it by 0.15 mrad
+    # to first order: the former is up to 3 mm, and the latter rotates it by 0.15 mrad
     np.testing.assert_allclose(both, moved_by(one) + moved_by(other), atol=5e-7)
     with_dimension = moved_by(one, "arm_length:location=joint_3")
     apart = moved_by(one) + moved_by("arm_length:location=joint_3")
@@ -287,7 +287,7 @@ def test_a_cause_given_twice_is_in_both_places():
     gaps = ("backlash:location=joint_1,value=3e-4", "backlash:location=joint_3,value=1e-4")
     machine = machine_with(*gaps)
     assert values_of(machine) == {"gap_1": 3e-4, "gap_2": 0.0, "gap_3": 1e-4}
-    assert machine.chain.effects[0].width == (3e-4, 0.0, 1e-4)  # a play is crossed over its gap
+    assert machine.chain.effects[0].width == (3e-4, 0.0, 1e-4)  # backlash is crossed over its gap
     with pytest.raises(InputError, match="transmission_error is given twice, with different set"):
         machine_with("transmission_error:cycles=33", "transmission_error:cycles=66")
     arms = machine_with("arm_length:location=joint_1", "arm_length:location=joint_2", scatter=0.0)
@@ -304,7 +304,7 @@ def test_a_value_is_taken_as_it_is():
     assert wave["sine_1"] == wave["cosine_3"] == 0.0
     drift = values_of(machine_with("tracker_drift:value=9e-5"))
     shift, turn = (np.linalg.norm([drift[f"{k}_{a}"] for a in "xyz"]) for k in ("shift", "turn"))
-    assert (shift, turn) == (pytest.approx(9e-5), pytest.approx(3e-5))  # 30 um go with 10 urad
+    assert (shift, turn) == (pytest.approx(9e-5), pytest.approx(3e-5))  # 10 urad belong to 30 um
     offset = machine_with("smr_offset:value=0.02", scatter=0.0)
     place = offset.chain.split(offset.theta)[1] - machine_with(scatter=0.0).chain.offset
     assert np.linalg.norm(place) == pytest.approx(0.02)
@@ -319,7 +319,7 @@ def test_a_strength_is_in_typical_sizes_with_shares_signs_and_phases_drawn():
     gaps = [values_of(machine_with("backlash", seed=seed)).values() for seed in range(40)]
     assert min(min(each) for each in gaps) >= 0.7 * 0.3e-3  # no gap is negative
     growth = [values_of(machine_with("thermal_growth_forearm", seed=s)) for s in range(20)]
-    assert {g["growth"] for g in growth} == {150e-6}  # nor does what warms up shrink
+    assert {g["growth"] for g in growth} == {150e-6}  # and thermal growth is not negative
     waves = [values_of(machine_with("transmission_error", seed=seed)) for seed in range(40)]
     phase = np.array([np.arctan2(w["cosine_1"], w["sine_1"]) for w in waves])
     assert np.abs(np.exp(1j * phase).mean()) < 0.4
@@ -388,13 +388,13 @@ def test_only_a_cell_that_is_asked_to_or_grows_warms_up():
     assert 28.0 < arm < 33.0
     assert base - 20 == pytest.approx((arm - 20) / 3, rel=0.2)
     assert ends(measured("thermal_growth_forearm")) == [arm, base]
-    np.testing.assert_array_equal(  # a machine that does not grow does not care
+    np.testing.assert_array_equal(  # a machine without growth does not depend on it
         measured(warming=True).tracker.position, measured().tracker.position
     )
 
 
 def test_the_tool_stands_where_drives_and_structure_bring_it():
-    """Whatever the tracker makes of it."""
+    """Independent of effects on the readings of the tracker."""
     at = standing(STOPS.joint)
     plain, seen = machine_with(), machine_with("tracker_scale", "timestamp_latency")
     np.testing.assert_array_equal(seen.tool_points(at), plain.tool_points(at))
@@ -448,7 +448,7 @@ def test_wrong_options_are_refused_with_what_is_allowed(text, message):
 
 @pytest.mark.parametrize("name", ["linear_delta", "five_axis", "cdpr8", "srbd"])
 def test_a_joint_is_called_by_its_name_in_the_robot_file(name):
-    """The place of the third: what a verdict calls joint_3 (cable_3), whichever way it is said."""
+    """The third joint by its own name, and by joint_3 (cable_3) as in a verdict."""
     robot = load_robot(name)
     own, place = robot.joints.names[2], f"{robot.commanded.limb}_3"
     machines = [

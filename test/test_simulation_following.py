@@ -1,4 +1,4 @@
-"""Motion kept up command by command, against that of whole streams and of known functions."""
+"""Motion updated with each command, compared with whole streams and known functions."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def test_a_parabola_is_followed_exactly(rate):
     time = 1.7e9 + np.arange(int(0.3 * rate) + 1) / rate
     t = (time - time[-1])[:, None]
     velocity, acceleration = followed(time, START + SPEED * t + CURVE * t**2 / 2).derivatives()
-    np.testing.assert_allclose(velocity, SPEED, atol=1e-4)  # stamps are good to 0.2 us
+    np.testing.assert_allclose(velocity, SPEED, atol=1e-4)  # stamps are accurate to 0.2 us
     np.testing.assert_allclose(acceleration, CURVE, atol=5e-3)
 
 
@@ -66,7 +66,7 @@ def test_directions_and_travel_are_those_of_the_whole_stream():
 
 
 def test_play_turns_with_the_command_and_not_when_a_turn_is_sure():
-    """Whoever hears a stream waits for a way back beyond noise; the machine has turned by then."""
+    """A stream shows a reversal only beyond the noise, but the machine has reversed before."""
     back = np.array([0.0, 0.1, 0.1 - 50e-6])[:, None] * np.ones(3)
     following = followed(np.arange(3) * 0.05, back)
     np.testing.assert_array_equal(following.direction(), -np.ones(3))

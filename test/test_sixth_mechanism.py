@@ -1,4 +1,4 @@
-"""A mechanism that the package does not have: one class, registered here, passes what all pass."""
+"""A user's mechanism in a single class, registered here, passes the tests of all mechanisms."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from test_mechanisms import (  # noqa: F401 (run on the mechanism below)
     test_jacobians_are_slopes_of_the_direct_problem,
 )
 
-LINES = 50  # that the class may take
+LINES = 50  # allowed for the class
 
 
 class Tripod(Mechanism):
@@ -41,7 +41,7 @@ class Tripod(Mechanism):
     @dataclass(frozen=True)
     class Dimensions:
         radius: float = length()  # [m] of the anchors about the z axis
-        leg: float = length()  # [m] drawn in
+        leg: float = length()  # [m] retracted
 
     @dataclass(frozen=True)
     class Tolerances:
@@ -81,7 +81,7 @@ class Tripod(Mechanism):
 
 @pytest.fixture
 def by_hand():
-    """Its closure written a second time, in numpy."""
+    """Independent closure in numpy."""
 
     def closure(q, x, g):
         legs = x[:, None] - g[..., :9].reshape(*g.shape[:-1], 3, 3)
@@ -92,7 +92,7 @@ def by_hand():
 
 @pytest.fixture(scope="module")
 def robot_file(tmp_path_factory):
-    """Registered, and a robot of it: all but its own sections is as a linear Delta's."""
+    """Register the mechanism and write a robot file, with other sections from a linear Delta."""
     path = tmp_path_factory.mktemp("robot") / "tripod.yaml"
     data = YAML(typ="safe").load(Path(load_robot("linear_delta").source))
     data |= {
@@ -112,7 +112,7 @@ def robot_file(tmp_path_factory):
 
 @pytest.fixture
 def mechanism(robot_file):
-    """What the shared tests of closure, derivatives and inverse problem ask for."""
+    """Fixture of the shared tests of closure, derivatives and inverse kinematics."""
     return load_robot(robot_file).model()
 
 
@@ -134,7 +134,7 @@ def test_what_every_robot_passes(shared, robot_file):
 
 
 def test_its_machine_is_found(robot_file):
-    """Where its base stands is the frame's; the distances of its anchors are recovered."""
+    """The place of the base belongs to the frame; distances between the anchors are found."""
     robot = load_robot(robot_file)
     truth = every_robot.machine_of(robot, "", 3)
     _, seen = every_robot.measured(robot_file, "", "identify", 40, 3)
@@ -158,7 +158,7 @@ def test_it_is_exported_as_c(robot_file, tmp_path):
 
 
 def sides(theta):
-    """Of the triangle of the anchors, (3,) [m]."""
+    """Sides of the triangle of anchors, (3,) [m]."""
     anchors = theta[:9].reshape(3, 3)
     return np.linalg.norm(anchors - np.roll(anchors, 1, axis=0), axis=1)
 

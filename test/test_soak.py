@@ -1,4 +1,4 @@
-"""A minute of the soak: what has to hold whatever goes wrong. And that its checks can fail."""
+"""One minute of the soak test with faults, and tests that its checks can fail."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def test_a_minute_of_faults(tmp_path: Path) -> None:
     pytest.importorskip("rclpy")
     from ros_helpers import environment
 
-    # Other tests share the processors: a quarter of the rate shows the same faults.
+    # Other tests share the processors; a quarter of the rate shows the same faults.
     script = str(ROOT / "benchmarks" / "soak.py")
     run = subprocess.run(
         [sys.executable, script, "--seconds", "60", "--hz", "250", "--logs", str(tmp_path)],
@@ -38,7 +38,7 @@ def test_a_minute_of_faults(tmp_path: Path) -> None:
 
 
 def checked(*steps: tuple[float, np.ndarray, np.ndarray, bool]) -> Outputs:
-    """Outputs of commands sent and received at the same time: when, command, output, held."""
+    """Outputs for commands that are received when sent: time, command, output, held."""
     outputs = Outputs(bound=0.01, rate=0.05, speed=1.0)
     for k, (when, q, out, held) in enumerate(steps):
         outputs.told[k] = Told(when, q, held)

@@ -1,4 +1,4 @@
-"""Arms drawn in standard DH are the same arms, by plain products of 4 x 4 matrices."""
+"""Arms in standard DH parameters agree with plain products of 4 x 4 matrices."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ PUMA = [
     (0.0, -90.0, 0.0, 0.0),
     (0.0, 0.0, 56.25, 0.0),
 ]
-TURNED_END = [*PUMA[:-1], (15.0, 90.0, 56.25, -30.0)]  # the last row leads on as well
+TURNED_END = [*PUMA[:-1], (15.0, 90.0, 56.25, -30.0)]  # the last row has a length and angle too
 TOOL, MOUNT = np.array([10.0, -20.0, 90.0]), np.array([30.0, -10.0, 45.0])
 HOME = [10.0, -70.0, 80.0, -40.0, 60.0, 20.0]
 
@@ -126,7 +126,7 @@ def test_a_mount_that_stands_upright_is_kept() -> None:
 
 
 def walked(tables, q) -> list[np.ndarray]:
-    """Tools by the modified and by the standard table, as the file says they multiply."""
+    """Tools by the modified and the standard table, multiplied as the file describes."""
 
     def to_axis(row):
         return (

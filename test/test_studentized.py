@@ -1,4 +1,4 @@
-"""Residuals as large as what a fit did not know, against draws and fits without a place."""
+"""Studentized residuals, compared with random draws and with fits without a place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ POSES, NUMBERS, UNKNOWNS = 40, 3, 30
 PLACE = np.repeat(np.arange(POSES // 4), 4)[RNG.permutation(POSES)]
 SLOPE = RNG.standard_normal((POSES, NUMBERS, UNKNOWNS))
 FLAT = SLOPE.reshape(-1, UNKNOWNS)
-PRIOR = np.r_[np.full(20, 4.0), np.zeros(10)]  # the last have none
+PRIOR = np.r_[np.full(20, 4.0), np.zeros(10)]  # no prior for the last
 
 
 def known(residual: np.ndarray) -> Known:
@@ -19,7 +19,7 @@ def known(residual: np.ndarray) -> Known:
 
 
 def test_their_covariance_is_that_of_the_noise_at_every_place() -> None:
-    """Of unknowns as the priors say and noise of variance 1, 4000 draws; residuals are smaller."""
+    """4000 draws of unknowns from their priors, with noise of variance 1."""
     std = np.where(PRIOR > 0, 1 / np.sqrt(np.maximum(PRIOR, 1e-9)), 10.0)
     drawn = []
     for _ in range(4000):
@@ -31,11 +31,11 @@ def test_their_covariance_is_that_of_the_noise_at_every_place() -> None:
         np.testing.assert_allclose(own.T @ own / 4000, np.eye(own.shape[1]), atol=0.12)
     whole = FLAT.T @ FLAT + np.diag(PRIOR)
     left = np.eye(len(FLAT)) - FLAT @ np.linalg.solve(whole, FLAT.T)
-    assert np.trace(left @ left) < 0.85 * len(FLAT)  # a plain residual's would be seen
+    assert np.trace(left @ left) < 0.85 * len(FLAT)  # plain residuals would be clearly smaller
 
 
 def test_they_lie_between_residuals_and_what_is_missed_without_the_place() -> None:
-    """u^T u = e^T f, with f by a fit of the other places alone."""
+    """u^T u = e^T f, where f is from a fit of the other places alone."""
     residual = RNG.standard_normal((POSES, NUMBERS))
     found = studentized(known(residual), SLOPE, residual, PLACE)
     for place in np.unique(PLACE):

@@ -1,4 +1,4 @@
-"""The study's own arithmetic: rates, honesty of probabilities, what its tables say."""
+"""Arithmetic of the study: rates, calibration of probabilities, tables."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ COMMAND = "make study"
 
 
 def test_no_alarm_in_500_leaves_up_to_three_quarters_of_a_percent():
-    """Zero of n: the upper end solves (1 - p)^n = 0.025."""
+    """Zero of n: the upper limit solves (1 - p)^n = 0.025."""
     low, high = Rate(0, 500).interval
     assert low == 0
     assert high == pytest.approx(1 - 0.025 ** (1 / 500))
 
 
 def test_interval_of_a_rate_is_the_tabulated_one():
-    """Clopper and Pearson (1934), 95 %: 3 of 10 are 0.067 to 0.652."""
+    """Clopper and Pearson (1934), 95 %: the interval of 3 of 10 is 0.067 to 0.652."""
     assert Rate(3, 10).interval == pytest.approx((0.0667, 0.6525), abs=1e-4)
 
 
@@ -159,7 +159,7 @@ def test_the_page_tells_what_an_extension_is_worth():
 
 
 def test_a_finding_is_held_against_the_hidden_value_of_its_own_leg():
-    """A friction's level is its own; no part of it belongs to a play beside it."""
+    """The level of a friction is separate; it is not part of a backlash beside it."""
     friction = {"friction_1": 20e-6, "play_1": 8e-6}
     values = {"backlash": {"gap_1": 9e-6, "gap_2": 5e-6}, "stick_slip": friction}
     both = SimpleNamespace(hidden=SimpleNamespace(values=values))
@@ -177,7 +177,7 @@ def test_the_page_counts_true_values_within_stated_intervals():
 
 
 def test_a_study_that_was_cut_off_goes_on_where_it_was(tmp_path):
-    """Two trials are wanted; one is there, and half a line of the other. Real Dask workers."""
+    """Of two trials one is in the file, and half a line of the other. Uses real Dask workers."""
     pytest.importorskip("distributed", reason="needs the extra [study]")
     wanted = [task for task in tasks(3, 0.004) if task.group == "none"]
     assert len(wanted) == 2

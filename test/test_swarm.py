@@ -1,4 +1,4 @@
-"""Swarms as identifiers: their laws, stepwise searches, the residual of measured poses."""
+"""Identification by swarms: update laws, stepwise searches, residual of measured poses."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def test_no_particle_leaves_the_box(law):
     found = minimise(far_outside, UNIT, SwarmSettings(20, 60, law), rng())
     assert np.abs(np.concatenate(asked)).max() == 1.0
     np.testing.assert_allclose(found.best, 1.0)
-    assert {len(x) for x in asked} == {20}  # all particles at once
+    assert {len(x) for x in asked} == {20}  # all particles in one call
 
 
 def test_a_given_start_is_never_lost():
@@ -98,7 +98,7 @@ def test_a_given_start_is_never_lost():
 
 
 def test_quantum_moves_are_exponential_about_the_attractor():
-    """With all bests in one place c the move is to c +- a |c - x| ln(1/u), a falling 1 to 0.5."""
+    """With all bests at c the move is to c +- a |c - x| ln(1/u), where a falls from 1 to 0.5."""
     n = 200_000
     own, x = np.full((n, 1), 0.2), np.full((n, 1), -0.1)
     swarm = swarm_at(x, own, np.ones(n))
@@ -106,7 +106,7 @@ def test_quantum_moves_are_exponential_about_the_attractor():
         there = x + Qpso().move(swarm, progress, rng(3)) - 0.2
         assert np.abs(there).mean() == pytest.approx(0.3 * contraction, rel=0.02)
         assert np.mean(there > 0) == pytest.approx(0.5, abs=0.01)
-        # an exponential: its standard deviation is its mean
+        # exponential distribution: standard deviation equals mean
         assert np.abs(there).std() == pytest.approx(0.3 * contraction, rel=0.02)
 
 
@@ -124,7 +124,7 @@ def test_quantum_attractors_lie_evenly_between_own_best_and_leader():
 
 def test_inertia_falls_by_the_clock_or_with_the_swarm():
     x, v = np.zeros((16, 2)), np.full((16, 2), 0.01)
-    together = swarm_at(x, x, np.ones(16), v)  # no pull: inertia alone
+    together = swarm_at(x, x, np.ones(16), v)  # no attraction: inertia only
     for progress, w in ((0.0, 0.9), (1.0, 0.4)):
         np.testing.assert_allclose(Pso().move(together, progress, rng()), w * v)
     np.testing.assert_allclose(Apso().move(together, 0.0, rng()), 0.4 * v)
@@ -165,7 +165,7 @@ def test_settings_that_cannot_be_are_refused():
 
 
 def ill(condition=500.0, size=8, seed=7):
-    """A linear residual of that condition in crooked directions, and its solution."""
+    """A linear residual with this condition number in random directions, and its solution."""
     draws = rng(seed)
     u, v = (np.linalg.qr(draws.standard_normal((size, size)))[0] for _ in range(2))
     factor = u * np.geomspace(1.0, 1.0 / condition, size) @ v
@@ -212,7 +212,7 @@ def test_a_parameter_has_settled_when_its_best_value_stays():
     trace[:, 0] = np.linspace(0, 1, 30)
     trace[:12, 1] = 0.5
     rule = Settled(window=10, tolerance=0.01)
-    assert not rule.by_any(trace[:9])  # too early to say
+    assert not rule.by_any(trace[:9])  # too early
     assert rule.by_any(trace[:11])
     assert not rule.by_any(trace[:14])  # it has just moved by a quarter of the box
     assert rule.by_any(trace)
@@ -250,7 +250,7 @@ def test_a_direction_that_moves_nothing_stays_in_the_middle_of_the_box():
 
 
 def measured(mechanism, size=0.1, n=40, seed=0):
-    """Poses of a machine a little wrong: residual and true deviations."""
+    """Residual of the poses of a machine with small errors, and the true errors."""
     draws = rng(seed)
     middle = np.array([0.3, 0.3, 0.3]) if mechanism.joints == 3 else mechanism.home
     reach = 0.4 if mechanism.joints == 3 else 0.05
@@ -306,13 +306,13 @@ def test_rounds_of_least_squares_end_where_the_residual_is_zero(mechanism):
     box = Box.about_zero(10 * np.abs(truth))
     once, thrice = (in_rounds(residual, box, least_squares, rounds) for rounds in (1, 3))
     assert thrice.norm < 1e-7 * residual(np.zeros((1, len(truth))))[0]
-    assert thrice.norm < 1e-2 * once.norm  # what one round leaves are the squares of the errors
+    assert thrice.norm < 1e-2 * once.norm  # one round leaves the squares of the errors
     np.testing.assert_allclose(thrice.best, truth, rtol=1e-3)
     assert (once.evaluations, thrice.evaluations) == (1, 3)
 
 
 def test_a_swarm_may_ask_the_residual_itself():
-    """Without an error model in between nothing is left out, and every particle costs poses."""
+    """Without a linear error model nothing is neglected; each particle evaluates the poses."""
     residual, truth = measured(load_robot("five_axis").model(), size=1.0, n=20)
     box = Box.about_zero(np.full(len(truth), 0.1e-3))
     slope = residual.jacobian(np.zeros(len(truth)))

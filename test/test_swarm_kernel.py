@@ -1,4 +1,4 @@
-"""The compiled swarm is the one of apso.py: the same particles at the same places."""
+"""The compiled swarm has the same particles at the same places as the one of apso.py."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ ROBOT = load_robot("srbd")
 DELTAS = ("rotary_delta", "six_rod_delta")
 TOOL = np.array([0.02, -0.03, -0.08])
 BOUND = ROBOT.limits.correction
-HUNDREDTH = ApsoSettings(bound_rad=BOUND, tolerance=1e-5)  # quick by numpy too
+HUNDREDTH = ApsoSettings(bound_rad=BOUND, tolerance=1e-5)  # fast in numpy too
 
 
 class Made:
@@ -58,16 +58,16 @@ class Made:
 
 
 def tasks(n, seed=0):
-    """Commands, and the points that the drawing means by them."""
+    """Commands, and the points of the nominal machine for them."""
     q, drawing = workspace(n, np.random.default_rng(seed)), ROBOT.model("rotary_delta")
     return q, drawing.forward(q, drawing.parameters.nominal) + TOOL
 
 
 def assert_same(found, expected):
-    """Particle by particle, but for rounding.
+    """Require equality of each particle except for rounding.
 
-    A swarm that cannot reach its target draws together where the distance is least and so flat:
-    places 1e-9 rad apart are equally good there but for rounding, and rounding decides.
+    If a target is out of reach, the swarm converges where the distance is smallest and flat:
+    places 1e-9 rad apart are equally good, and rounding decides between them.
     """
     np.testing.assert_array_equal(found.converged, expected.converged)
     done = found.converged
@@ -84,15 +84,15 @@ def test_it_is_the_swarm_of_numpy(name, n):
     found = Swarm(made.machine, settings).correct(q, target)
     assert_same(found, Apso(made.point, settings).correct(q, target))
     assert found.converged.all()
-    assert len(np.unique(found.evaluations)) > 3  # not all alike
+    assert len(np.unique(found.evaluations)) > 3  # they differ
 
 
 @pytest.mark.parametrize(
     "change",
     [
-        {"bound_rad": 1e-3},  # many of the corrections are larger
+        {"bound_rad": 1e-3},  # many corrections are larger
         {"bound_rad": symbols.LITTLE, "iterations": 40},
-        {"bound_rad": 0.2},  # beyond the series
+        {"bound_rad": 0.2},  # beyond the range of the series
         {"particles": 17},
         {"particles": 101},
         {"iterations": 1},
@@ -114,7 +114,7 @@ def test_every_setting_means_the_same(change):
     ("name", "bound"), [("rotary_delta", BOUND), ("rotary_delta", 0.2), ("six_rod_delta", BOUND)]
 )
 def test_what_is_out_of_reach_is_treated_alike(name, bound):
-    """Part of the box has no pose, and some targets nothing reaches."""
+    """Part of the box has no pose, and some targets are out of reach."""
     made = Made(name, 2)
     settings = ApsoSettings(bound_rad=bound, tolerance=1e-3, iterations=60)
     rng = np.random.default_rng(2)
@@ -129,7 +129,7 @@ def test_what_is_out_of_reach_is_treated_alike(name, bound):
     found = Swarm(made.machine, settings).correct(q, target)
     if name == "rotary_delta":
         assert_same(found, expected)
-    else:  # the law of places nearby ends where three spheres do, and the swarm goes another way
+    else:  # the local law ends where three spheres do, so the swarm goes another way
         np.testing.assert_array_equal(found.converged, expected.converged)
         far = np.linalg.norm(made.point(q + found.dq) - target, axis=1)
         done = found.converged
@@ -144,7 +144,7 @@ def test_a_target_has_one_answer_whatever_the_batch(name):
     n = 200
     solver, (q, target) = Swarm(Made(name).machine, HUNDREDTH), tasks(n)
     together = solver.correct(q, target)
-    order = np.random.default_rng(0).integers(0, n, n)  # another order, some twice, some not
+    order = np.random.default_rng(0).integers(0, n, n)  # another order, some twice, some never
     shuffled = solver.correct(q[order], target[order])
     np.testing.assert_array_equal(shuffled.dq, together.dq[order])
     np.testing.assert_array_equal(shuffled.error, together.error[order])
@@ -190,7 +190,7 @@ def test_it_agrees_with_newton_to_the_tolerance():
 
 
 def test_series_of_a_little_turn_is_off_by_less_than_rounding():
-    """In extended precision, so that what is left out is seen and not the rounding."""
+    """Computed in extended precision, to see the truncation error and not the rounding."""
     d = np.linspace(-symbols.LITTLE, symbols.LITTLE, 2001, dtype=np.longdouble)
     assert np.finfo(d.dtype).eps < 1e-18
     cos, sin = symbols.little(d)
@@ -201,7 +201,7 @@ def test_series_of_a_little_turn_is_off_by_less_than_rounding():
 @pytest.mark.parametrize("count", [1, 5, 24])
 @pytest.mark.parametrize("name", DELTAS)
 def test_the_law_of_places_nearby_is_the_direct_problem(name, count):
-    """All lanes at once, however many."""
+    """All lanes at once, for any number of them."""
     made, rng = Made(name, 3), np.random.default_rng(count)
     law, compiled = made.mechanism._nearby, made.machine.compiled
     q, d = np.array([0.3, 0.8, -0.1]), rng.uniform(-symbols.LITTLE, symbols.LITTLE, (3, count))
@@ -261,7 +261,7 @@ def test_no_swarm_is_compiled_for_newton():
 
 
 def test_a_change_of_another_file_is_seen(tmp_path: Path):
-    """What was kept of a function holds those of other files, and must not outlive them."""
+    """The stored code contains functions of other files, and must be renewed with them."""
     (tmp_path / "outer.py").write_text(
         "from inner import more\n"
         "from delta_calibration.model.jit import compiled\n"
@@ -298,7 +298,7 @@ def test_a_change_of_another_file_is_seen(tmp_path: Path):
 
 
 def test_beside_modules_that_import_each_other_a_function_is_compiled(tmp_path: Path):
-    """As in a benchmark: the sources that it hangs on go round in a circle."""
+    """As in a benchmark, the sources on which the function depends import each other."""
     (tmp_path / "own.py").write_text(
         "from delta_calibration.mechanisms import Mechanism\n"
         "from delta_calibration.model.jit import compiled\n"

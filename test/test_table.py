@@ -1,4 +1,4 @@
-"""A table of corrections keeps its bound between the nodes, and never where it does not hold."""
+"""A correction table keeps its bound between the nodes, and refuses commands where it cannot."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from delta_calibration.robot import load_robot
 from six_rods import SixRods, drawing_joints
 
 ROBOT = load_robot("srbd")
-WIDE = 0.45 * np.sqrt(2)  # [m] the disc on which the paper's line lies
+WIDE = 0.45 * np.sqrt(2)  # [m] radius of a disc that contains the line of the paper
 STAMP = Stamp("0" * 64, "1" * 64, "toy", (0.0, 0.0, 0.0))
 
 
@@ -42,7 +42,7 @@ def body(radius: float, low: float = -0.711, high: float = -0.711) -> Region:
 def calibration(
     wrong: dict[str, float], region: Region, effects: dict[str, tuple[dict, float]] | None = None
 ) -> Calibration:
-    """The truth itself as the calibration, over a region."""
+    """A calibration equal to the true machine, over a region."""
     mechanism = ROBOT.model("six_rod_delta")
     made = tuple(
         effect_named(cause, ROBOT, mechanism, shape)
@@ -61,7 +61,7 @@ def calibration(
 
 
 def places(n: int, radius: float, low: float, high: float, seed: int) -> np.ndarray:
-    """Points of a cylinder, a third of them on its rim."""
+    """Points in a cylinder, a third of them on its rim."""
     rng = np.random.default_rng(seed)
     r = radius * np.sqrt(np.where(np.arange(n) < n // 3, 1.0, rng.random(n)))
     turn = rng.uniform(0, 2 * np.pi, n)
@@ -70,7 +70,7 @@ def places(n: int, radius: float, low: float, high: float, seed: int) -> np.ndar
 
 @pytest.fixture(scope="module")
 def small() -> JointCompensator:
-    """A machine's table over a small body."""
+    """Table of a machine over a small region."""
     return JointCompensator(calibration(errors(1), body(0.2, -0.75, -0.7)), "table")
 
 
@@ -79,18 +79,18 @@ def small() -> JointCompensator:
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_fifteen_nodes_keep_the_papers_disc_within_a_micrometre(seed: int) -> None:
-    """By a machine of six rods that shares no code with table, kernel or check."""
+    """Checked with an independent six-rod model."""
     wrong = errors(seed)
     compensator = JointCompensator(calibration(wrong, body(WIDE)), "table")
     assert compensator.table.nodes == 15
     target = places(6000, WIDE, -0.711, -0.711, seed)
     done = compensator.compensate(drawing_joints(target))
     assert set(done.verdicts) == {CommandStatus.CORRECTED}
-    whole = done.share == 1.0  # beyond the region's faces corrections fade
-    assert whole.mean() > 0.6  # a third lies on the rim, outside the polygon of the region
+    whole = done.share == 1.0  # corrections fade out beyond the faces of the region
+    assert whole.mean() > 0.6  # a third is on the rim, outside the polygon of the region
     after = np.linalg.norm(SixRods(wrong).point(done.joint) - target, axis=1)[whole]
     assert 1e-9 < after.max() < 0.5e-6
-    assert after.max() <= compensator.table.worst  # which was found elsewhere
+    assert after.max() <= compensator.table.worst  # which was found at other places
     np.testing.assert_allclose(done.model_error[whole], after, atol=1e-10)
     assert set(done.evaluations) == {1}
     exact = JointCompensator(compensator.calibration).compensate(drawing_joints(target))
@@ -106,7 +106,7 @@ def test_a_grid_that_is_too_wide_is_refined_until_the_bound_holds() -> None:
     assert compensator.table.worst <= 0.8 * bound
     target = places(4000, 0.4, -0.8, -0.65, 4)
     q = drawing_joints(target)
-    room = ROBOT.limits.correction  # to the joints' limits, for the corrected command too
+    room = ROBOT.limits.correction  # distance to the joint limits, also for the corrected command
     inside = ((q > ROBOT.joints.lower + room) & (q < ROBOT.joints.upper - room)).all(axis=1)
     done = compensator.compensate(q[inside])
     assert set(done.verdicts) == {CommandStatus.CORRECTED}
@@ -131,10 +131,10 @@ def test_a_swarm_finds_the_same_table(small: JointCompensator) -> None:
     )
     assert swarm.table.solver == "apso"
     gap = np.abs(swarm.table.corrections - newton.table.corrections).max()
-    assert 0 < gap < 1e-6  # its tolerance over the weakest gain
+    assert 0 < gap < 1e-6  # the tolerance of the swarm over the smallest gain
 
 
-# What is checked, on a machine of one's own: p* = 0.3 q, p = 0.3 (q - e(q0)), so that dq = e
+# What is checked, with a simple machine: p* = 0.3 q, p = 0.3 (q - e(q0)), so dq = e
 
 
 def toy(e, asked, answers=lambda q: np.full(len(q), True)) -> Task:
@@ -164,9 +164,10 @@ def inside(n: int) -> np.ndarray:
 
 @pytest.mark.parametrize("only", ["middles", "places"])
 def test_what_no_node_has_seen_is_found_between_them(only: str) -> None:
-    """A bump of 3 um in the middle of a cell, too narrow for nodes to see it; a place off it.
+    """A bump of 3 um in the middle of a cell, too narrow for the nodes to see.
 
-    It shows to the middles of the cells alone, or, where no guard lets these pass, to the places.
+    It is found at the middles of the cells alone or, where a guard refuses these, at the other
+    places.
     """
     asked = np.concatenate([inside(1500), np.eye(3), -np.eye(3)])
     steps = np.linspace(-1, 1, 15)
@@ -175,7 +176,7 @@ def test_what_no_node_has_seen_is_found_between_them(only: str) -> None:
     def bump(x: np.ndarray) -> np.ndarray:
         return 1e-5 * np.exp(-(((x - axis[9]) / 0.05) ** 2))
 
-    assert bump(axis[::2]).max() * 0.3 < 0.02e-6  # nodes of 8 an axis
+    assert bump(axis[::2]).max() * 0.3 < 0.02e-6  # with 8 nodes per axis
     task = toy(bump, asked)
     if only == "middles":
         task = replace(task, asked=asked[np.abs(asked[:, 0] - axis[9]) > 0.2])
@@ -194,7 +195,7 @@ def test_nodes_beyond_the_region_may_be_without_an_answer() -> None:
     table = build(task, TableSettings())
     q = 0.9 * inside(700)
     assert np.isfinite(table.corrections).all()
-    assert table.nodes == 15  # makeshift values do no harm that more would mend
+    assert table.nodes == 15  # substitute values make no refinement necessary
     np.testing.assert_allclose(table.at(q), 5e-3 + 1e-4 * np.sin(q[:, [0, 0, 0]]), atol=3e-6)
     nothing = replace(task, solver=toy(np.sin, task.asked, lambda q: q[:, 0] > 9).solver)
     with pytest.raises(DataError, match="newton finds no correction at any of its nodes"):
@@ -224,7 +225,7 @@ def table_of(values: np.ndarray, lower=(-0.5, -0.4, 0.1), upper=(1.5, 1.2, 1.0))
 
 
 def straight(table: Table, q: np.ndarray) -> np.ndarray:
-    """x (1 + b x^2) / (1 + b) of commands: what the nodes lie evenly in."""
+    """x (1 + b x^2) / (1 + b) of commands; nodes are equally spaced in this."""
     x = (q - (table.lower + table.upper) / 2) / ((table.upper - table.lower) / 2)
     return x * (1 + BEND * x**2) / (1 + BEND)
 
@@ -261,7 +262,7 @@ def test_cubics_are_met_exactly_and_the_nodes_too() -> None:
     axes = nodes_between(table.lower, table.upper, steps, BEND)
     nodes = np.stack(np.meshgrid(*axes.T, indexing="ij"), axis=-1).reshape(-1, 3)
     np.testing.assert_allclose(straight(table, nodes), grid, atol=1e-13)
-    within = np.clip(nodes, table.lower, table.upper)  # but for the last bit of the ends
+    within = np.clip(nodes, table.lower, table.upper)  # except for rounding at the ends
     np.testing.assert_allclose(table.at(within).reshape(k, k, k, 3), table.corrections, atol=1e-11)
     quartic = table_of((grid**4).reshape(k, k, k, 3))
     assert np.abs(quartic.at(q) - straight(table, q) ** 4).max() > 1e-4
@@ -288,7 +289,7 @@ def test_outside_there_is_nothing_and_neighbours_do_not_mind() -> None:
 
 
 def test_beyond_the_table_a_guard_says_so(small: JointCompensator) -> None:
-    """The region is made wider than it was when the table was made, its name left as it is."""
+    """The region is wider than when the table was made, although its name is the same."""
     wide = replace(small.calibration, region=body(0.5, -0.8, -0.65))
     compensator = JointCompensator(wide, "table", table=small.table)
     q = drawing_joints(np.array([[0.0, 0.0, -0.72], [0.45, 0.0, -0.72], [0.1, 0.1, -0.71]]))
@@ -311,7 +312,7 @@ def test_the_region_lies_within_its_table(small: JointCompensator) -> None:
 
 
 def test_a_table_that_is_wrong_corrects_nothing(small: JointCompensator) -> None:
-    """Every looked up correction is tried on the model: here all are 10 microradians off."""
+    """Every correction from the table is tested with the model; here all are off by 10 urad."""
     wrong = replace(small.table, corrections=small.table.corrections + 1e-5)
     compensator = JointCompensator(small.calibration, "table", table=wrong)
     done = compensator.compensate(drawing_joints(np.array([[0.0, 0.05, -0.72]])))
@@ -421,7 +422,7 @@ STRUCTURE = {
 @pytest.mark.parametrize("cause", DRIVE)
 def test_drives_are_undone_around_the_table(cause: str) -> None:
     made = calibration(errors(2), body(0.2, -0.75, -0.7), {cause: DRIVE[cause]})
-    q = drawing_joints(places(12, 0.17, -0.74, -0.71, 1))  # well within the region
+    q = drawing_joints(places(12, 0.17, -0.74, -0.71, 1))  # well inside the region
     table = JointCompensator(made, "table")
     assert table.table is not None
     assert table.needs_conditions
@@ -435,7 +436,7 @@ def test_drives_are_undone_around_the_table(cause: str) -> None:
         reached = made.chain.predict(replace(at, joint=done.joint), made.theta)
         assert np.linalg.norm(reached - SixRods().point(q), axis=1).max() < 1e-6
         shifts.append(done.correction)
-    if cause != "transmission_error":  # which goes by the angle alone
+    if cause != "transmission_error":  # it depends on the angle only
         assert np.abs(shifts[0] - shifts[1]).max() > 1e-5
     bare = table.table.at(q)
     assert np.abs(shifts[0] - bare).max() > 1e-5
@@ -457,11 +458,11 @@ def test_dimensions_that_change_are_followed_exactly_and_it_is_said(cause: str) 
 
 
 def test_at_other_dimensions_a_table_corrects_nothing(small: JointCompensator) -> None:
-    """A table must not answer for arms that are 0.1 mm longer than those that it was made for."""
+    """The table must not be used for arms 0.1 mm longer than those that it was made for."""
     grown = small.calibration.theta.copy()
     names = list(ROBOT.model("six_rod_delta").parameters.names)
     grown[[names.index(f"arm_{leg}") for leg in (1, 2, 3)]] += 1e-4
-    made = replace(small.calibration, theta=grown)  # its seal left as it is
+    made = replace(small.calibration, theta=grown)  # with the old hash
     q = drawing_joints(np.array([[0.0, 0.05, -0.72]]))
     done = JointCompensator(made, "table", table=small.table).compensate(q)
     assert done.verdicts == (CommandStatus.NOT_REACHED,)

@@ -1,4 +1,4 @@
-"""The file of a table: what was written comes back, anything else is refused with the reason."""
+"""The file of a table is read back unchanged; anything else is refused with the reason."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def same(left: Table, right: Table) -> bool:
 def rewritten(
     path: Path, change: Callable[[dict], None], corrections: np.ndarray | None = None
 ) -> None:
-    """The file with another header and other corrections, sealed anew."""
+    """Write the file with another header and other corrections, and new hashes."""
     with np.load(path, allow_pickle=False) as archive:
         header, values = json.loads(str(archive["header"])), archive["corrections"]
     values = values if corrections is None else corrections
@@ -92,7 +92,7 @@ def test_what_was_written_comes_back(file: Path) -> None:
     assert same(found, TABLE)
     q = RNG.uniform(TABLE.lower, TABLE.upper, (50, 3))
     np.testing.assert_array_equal(found.at(q), TABLE.at(q))
-    assert [p.name for p in file.parent.iterdir()] == [file.name]  # nothing is left beside
+    assert [p.name for p in file.parent.iterdir()] == [file.name]  # no temporary file is left
 
 
 def test_the_file_says_what_it_is_without_the_package(file: Path) -> None:
@@ -144,7 +144,7 @@ def test_a_byte_that_changed_is_refused_or_does_not_matter(file: Path) -> None:
         file.write_bytes(bytes(bad))
         try:
             found = load_table(file, MADE)
-        except ConfigError:  # any other would end the test
+        except ConfigError:  # any other exception fails the test
             turned += 1
         else:
             assert same(found, TABLE)
@@ -230,7 +230,7 @@ FOREIGN = {
     "no JSON": archive_of(header=np.array("schema: 1"), corrections=np.zeros(3)),
     "deep JSON": archive_of(header=np.array("[" * 100_000), corrections=np.zeros(3)),
     "text in an archive": text_archive(),
-    # what pickle would execute is not even looked at
+    # pickled objects are never loaded
     "objects": archive_of(header=np.array([{"schema": 1}], dtype=object), corrections=TABLE.lower),
 }
 

@@ -1,4 +1,4 @@
-"""`delta-cal import --guess`: a mapping of tables as people write them, and what is in doubt."""
+"""`delta-cal import --guess`: mappings of typical tables, and doubts."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from delta_calibration.simulation import draw_machine, effect_options, simulate_
 
 @dataclass(frozen=True)
 class Written:
-    """How somebody wrote a table of stops."""
+    """Format of a user's table of stops."""
 
-    head: str  # what stands before the numbers, with the names of the columns where it has them
+    head: str  # text before the numbers, including the column names if there are any
     row: Callable[[np.ndarray, np.ndarray, int], str]  # joints [rad or m], point [m], number
     encoding: str = "utf-8"
     robot: str = "srbd"
@@ -156,7 +156,7 @@ def test_a_table_is_read_as_it_was_meant(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Joints and points of the session that is written are those that were measured."""
+    """The session has the measured joints and points."""
     written = TABLES[name]
     q, y = measured[written.robot]
     file, out = write(tmp_path, written, q, y), tmp_path / "session"
@@ -196,7 +196,7 @@ def test_ten_rows_and_reasons_are_shown_and_the_mapping_is_written(
 def test_heights_that_hardly_vary_in_mm_are_read_in_m_or_in_doubt(
     place: str, written: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Heights in m beside x and y in mm; 24 of 45 stops are at one height."""
+    """Heights in m beside x and y in mm; 24 of 45 stops have the same height."""
     lines = (Path(__file__).parents[1] / "bags" / "srbd_plain.csv").read_text().splitlines()
     cells = [line.split(",") for line in lines[4:]]
     rows = [",".join([*row[1:6], f"{float(row[6]) / 1e3:.7f}"]) for row in cells]
@@ -228,7 +228,7 @@ def test_what_is_in_doubt_is_not_written(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A joint that counts the other way: no reading of the columns fits the robot."""
+    """A joint counts the other way: no choice of columns and units fits the robot."""
     q, y = measured["srbd"]
     file = write(tmp_path, TABLES["plain"], q * [1, -1, 1], y)
     out = tmp_path / "session"
@@ -247,7 +247,7 @@ def test_joints_from_one_other_zero_are_proposed_with_scale_and_offset(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Motors that read 90 degrees with the arm level: proposed, read like that, and in doubt."""
+    """Motors read 90 degrees with level arms. The zero is proposed and works, but is in doubt."""
     q, y = measured["srbd"]
     file = write(tmp_path, TABLES["plain"], np.pi / 2 + sign * q, y)
     mapping, out = tmp_path / "mapping.yaml", tmp_path / "session"
@@ -270,7 +270,7 @@ def test_a_column_that_is_not_used_has_no_gaps(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Remarks that nobody wrote: no row is said to be left out."""
+    """An empty column of remarks is no reason to leave rows out."""
     q, y = measured["srbd"]
     written = Written(
         "A1 [deg];A2 [deg];A3 [deg];X [mm];Y [mm];Z [mm];remark\n",
@@ -309,7 +309,7 @@ def test_times_that_tell_no_order_of_the_rows_are_left_out(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """They were proposed, and refused when the table was read."""
+    """If they were proposed, the table would be refused."""
     q, y = measured["srbd"]
     rows = [f"{stamps(k)}," + numbers(deg_mm(q[k], y[k])) + "\n" for k in range(len(q))]
     file = tmp_path / "table.csv"
@@ -319,9 +319,9 @@ def test_times_that_tell_no_order_of_the_rows_are_left_out(
 
 
 def test_a_probe_on_a_stalk_is_no_doubt(tmp_path: Path) -> None:
-    """An arm that turns its probe all ways, 90 mm and 200 mm before the flange.
+    """An arm rotates its probe in all directions, 90 mm and 200 mm from the flange.
 
-    Where the probe is and where the base stands make up for each other in part.
+    Errors of the probe position and of the base compensate each other in part.
     """
     robot, rng = load_robot("ur10"), np.random.default_rng(4)
     model = robot.commanded
@@ -346,7 +346,7 @@ def test_a_target_beside_its_differences_is_in_doubt(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """A drawing lies on targets better than on what was measured."""
+    """The nominal machine fits targets better than measured points."""
     q, y = measured["srbd"]
     rows = [numbers(np.r_[deg_mm(q[k], y[k]), 0.3, -0.2, 0.1]) + "\n" for k in range(len(q))]
     file = tmp_path / "table.csv"
@@ -361,7 +361,7 @@ def test_rows_with_gaps_and_lines_below_the_table_are_left_out(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Stops at which the tracker had no reading, in the middle; a mean below."""
+    """Two stops without a tracker reading; a line with a mean below."""
     q, y = measured["srbd"]
     rows = [
         f"P{k};" + numbers(deg_mm(q[k], y[k]), ",", ";") + "\n"
@@ -381,7 +381,7 @@ def test_rows_with_gaps_and_lines_below_the_table_are_left_out(
 def test_the_sheet_with_the_numbers_is_found(
     tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> None:
-    """A cover, then a sheet with a title, a remark that most rows leave empty, and the numbers."""
+    """A cover sheet, then a sheet with a title, numbers and a nearly empty column of remarks."""
     workbook = pytest.importorskip("openpyxl").Workbook()
     workbook.active.append(["Messprotokoll"])
     sheet = workbook.create_sheet("Werte")
@@ -437,7 +437,7 @@ def test_a_file_that_is_no_table_is_refused(
 def test_sides_that_are_not_in_a_table_are_asked_for(
     side: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A play: stops of one command differ by the side, which a column says, or a warning asks."""
+    """With backlash the points depend on the side: a column states it, or a warning asks."""
     robot = load_robot("srbd")
     plan = make_plan("identify", robot, count=50, seed=3)
     play = effect_options("backlash:location=joint_2,value=0.0008")
@@ -463,7 +463,7 @@ def test_sides_that_are_not_in_a_table_are_asked_for(
 
 
 def half(cells: np.ndarray, keys: list[str], head: str, order: np.ndarray) -> str:
-    """A table of a name or time and numbers, with semicolons and decimal commas."""
+    """Lines with a name or time and numbers, with semicolons and decimal commas."""
     rows = [f"{keys[k]};" + numbers(cells[k], ",", ";") + "\n" for k in order]
     return head + "".join(rows)
 
@@ -472,7 +472,7 @@ def half(cells: np.ndarray, keys: list[str], head: str, order: np.ndarray) -> st
 def test_joints_and_points_in_two_files_are_put_together(
     key: str, tmp_path: Path, measured: dict[str, tuple[np.ndarray, np.ndarray]]
 ) -> None:
-    """A robot's log and a tracker's export that is in another order or on another clock."""
+    """A robot log, and a tracker export in another order or with another clock."""
     q, y = measured["srbd"]
     n, by = len(q), "nearest" if key == "time" else key
     order = np.arange(n) if by == "row" else np.random.default_rng(2).permutation(n)[3:]
@@ -503,7 +503,7 @@ def test_two_files_that_do_not_go_together_are_refused(
     measured: dict[str, tuple[np.ndarray, np.ndarray]],
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Other names and fewer rows; a log alone is told of the second file."""
+    """Other names and fewer rows; for a log alone, the second file is asked for."""
     q, y = measured["srbd"]
     log, points = tmp_path / "log.csv", tmp_path / "points.csv"
     names = [f"P{k}" for k in range(len(q))]

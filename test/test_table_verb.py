@@ -1,4 +1,4 @@
-"""`delta-cal compensate --method table`: made, kept, loaded, refused."""
+"""`delta-cal compensate --method table`: a table is made, saved, loaded and refused."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ ROBOT = load_robot("srbd")
 
 @pytest.fixture(scope="module")
 def cell(tmp_path_factory):
-    """A fit, the same with effects, another one, and targets."""
+    """A fit, the same fit with effects, another fit, and targets."""
     folder = tmp_path_factory.mktemp("cell")
     plan = make_plan("identify", ROBOT, count=15, dwell=0.4, both_sides=False)
     found = {}
@@ -81,7 +81,7 @@ def test_a_table_gives_newtons_commands_and_says_how_well(cell, capsys, name):
     table, newton = commands(cell, "table"), commands(cell, "newton")
     np.testing.assert_allclose(table[:, :3], newton[:, :3], atol=2e-6)
     assert table[:, 3].max() <= 1e-3
-    if name == "plain":  # with a play Newton's method goes on from what was looked up
+    if name == "plain":  # with backlash, Newton's method continues from the table's value
         assert table[:, 3].max() > newton[:, 3].max()
 
 
@@ -109,7 +109,7 @@ def test_a_table_is_written_then_loaded_and_refused_when_stale(cell, capsys):
     file.write_bytes(made[:-30])
     assert compensate(cell, "plain", "table", *asked) == 2
     assert f"{file}: not a whole table of corrections" in capsys.readouterr().err
-    assert file.read_bytes() == made[:-30]  # it is the user's to delete
+    assert file.read_bytes() == made[:-30]  # only the user may delete it
 
 
 def test_where_dimensions_change_the_exact_way_is_taken_and_said(cell, capsys):
@@ -122,7 +122,7 @@ def test_where_dimensions_change_the_exact_way_is_taken_and_said(cell, capsys):
     assert "(30 of 30 commands corrected by newton, " in said
     assert compensate(cell, "grown", "newton", *warm) == 0
     table, newton = commands(cell, "table"), commands(cell, "newton")
-    np.testing.assert_allclose(table, newton, rtol=0, atol=1e-9)  # compiled, and by numpy
+    np.testing.assert_allclose(table, newton, rtol=0, atol=1e-9)  # compiled code and numpy
 
 
 def test_options_of_a_table_beside_another_method_are_refused(cell, capsys):

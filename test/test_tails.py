@@ -1,4 +1,4 @@
-"""Tails of laws and evenly spread points, beside those of scipy.stats."""
+"""Tails of distributions and Halton points, compared with scipy.stats."""
 
 from __future__ import annotations
 

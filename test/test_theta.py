@@ -1,4 +1,4 @@
-"""Every entry of theta has one name; chain, fits and diagnosis mean the same one by it."""
+"""The layout of theta: every entry has one name, with one meaning in chain, fits and diagnosis."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_parts_lie_side_by_side_and_cover_theta(layout):
 
 
 def test_places_by_hand():
-    """Written out once, apart from the code: five of geometry, then 3 + 3 + 3, 3, 2 + 0 + 1."""
+    """Written by hand: five of geometry, then 3 + 3 + 3, 3, 2 + 0 + 1."""
     assert [(p.start, p.stop) for p in atoms(FULL)] == [
         (0, 5),
         (5, 8),
@@ -106,7 +106,7 @@ def test_an_effect_is_asked_for_by_its_cause():
 
 @pytest.mark.parametrize("layout", LAYOUTS.values(), ids=LAYOUTS)
 def test_columns_stand_in_the_places_of_their_parts(layout):
-    """Each part's columns hold a number of their own; a part that is not given holds zeros."""
+    """Columns of each part hold its own number; parts that are not given hold zeros."""
     blocks = [
         np.full((4, 3, length(part)), number + 1.0) for number, part in enumerate(atoms(layout))
     ]
@@ -122,7 +122,7 @@ def test_columns_stand_in_the_places_of_their_parts(layout):
 
 @pytest.mark.parametrize("name", known_robots())
 def test_a_chains_layout_names_the_parameters_of_each_mechanism(name):
-    """By the names of its parameters, which are put together apart from the layout."""
+    """Compared with the parameter names, which are assembled independently of the layout."""
     made = chain_of(load_robot(name))
     mechanism = made.mechanism
     names, layout = made.parameters.names, made.layout
@@ -143,7 +143,7 @@ def test_a_chains_layout_names_its_effects():
 
 
 def test_a_chain_reads_each_part_where_its_layout_says():
-    """A shift of the place shifts the reading, a turn turns it: against the equation itself."""
+    """A shift of the tracker shifts the reading, a turn rotates it, as in the equation."""
     made, rng = chain("backlash", "tracker_scale"), np.random.default_rng(3)
     at = at_rest(rng.uniform(-0.2, 0.4, (6, 3)))
     frame = Frame(rotations.exp(np.array([0.3, -0.2, 0.5])), np.array([3.0, 0.1, -0.4]))
@@ -160,7 +160,7 @@ def test_a_chain_reads_each_part_where_its_layout_says():
 
 
 def test_how_a_probe_is_mounted_stands_with_how_all_is_placed():
-    """Behind the frame and before the effects, which are a diagnosis's to change."""
+    """The mounting is behind the frame and before the effects, which a diagnosis changes."""
     layout = chain(*CAUSES).layout
     mounted, size = layout.mounted, len(MOUNT_NAMES)
     assert mounted.mount == slice(layout.place.stop, layout.place.stop + size)
@@ -183,7 +183,7 @@ def test_a_fit_of_observations_frees_geometry_and_where_it_matters_the_frame():
 
 
 def test_terms_find_their_effects_in_theta():
-    """A dimension among the terms takes no place, and those after it stay where they are."""
+    """A dimension among the terms takes no entry, so later entries do not move."""
     made = chain("backlash", "tracker_scale")
     terms = [Candidate(e.cause, e.kind, None, e, (0,)) for e in made.effects]
     terms.insert(1, Candidate("arm_length", "geometry", None, None, (2,)))

@@ -1,4 +1,4 @@
-"""Linear algebra on one thread while a fit runs, and as before when it is done."""
+"""Linear algebra uses one thread during a fit, and as many as before afterwards."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _two():
 
 
 class Watched(PointMeasured):
-    """Looks at the threads each time that a fit asks for a prediction."""
+    """Records the number of threads at each prediction of a fit."""
 
     def linearized(self, *arguments):
         SEEN.append(threads())
@@ -56,7 +56,7 @@ def test_an_error_gives_the_threads_back():
 
 
 def test_who_is_done_first_does_not_take_it_from_the_other():
-    """Two fits side by side, the second begun within the first and outliving it."""
+    """Two overlapping fits: the second starts during the first and ends later."""
     first, second = ExitStack(), ExitStack()
     first.enter_context(one_thread())
     second.enter_context(one_thread())

@@ -1,4 +1,4 @@
-"""Trajectories as bytes, against the middleware's own reading and writing of messages."""
+"""Trajectories as bytes, compared with the serialization of the middleware."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Turns of a probe in the main fit: slopes, what they add, when they take part."""
+"""Rotations of a probe in the fit: derivatives, added information, and when they are used."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PROBED = replace(SRBD, tracker=replace(SRBD.tracker, measures="pose", turn=TURN)
 
 @pytest.fixture(scope="module")
 def cell():
-    """A machine before a probe of six freedoms, and what was measured of it."""
+    """A machine with a six-degree-of-freedom probe, its session, and its poses."""
     machine = draw_machine(PROBED, 4)
     plan = make_plan("identify", PROBED, count=60, seed=4)
     session = simulate_session(machine, plan, 4, rate=20.0)
@@ -52,7 +52,7 @@ def found(cell):
 
 @pytest.fixture(scope="module")
 def without(cell):
-    """The same by the positions alone."""
+    """The same with positions only."""
     return identify(cell[2], SRBD)
 
 
@@ -60,7 +60,7 @@ def without(cell):
     "mechanism", ["srbd-six_rod_delta", "ur10-serial_arm", "cdpr8-cable_robot"]
 )
 def test_slopes_by_differences(mechanism):
-    """The pose by one step of Newton's from where it is, which is exact to first order."""
+    """The pose by one Newton step from its present value, which is exact to first order."""
     model, rng = MODELS[mechanism], np.random.default_rng(1)
     q, x = places(model, model.parameters.nominal, rng, 4)
     chain = Chain(model, np.zeros(3), 1e-3)
@@ -89,10 +89,7 @@ def test_slopes_by_differences(mechanism):
 
 
 def test_a_base_on_soft_feet_turns_the_probe():
-    """By what the reflector's place shows of it: two points of the platform turn alike.
-
-    And the slope by its one value is that by differences.
-    """
+    """Compared with the rotation of two points of the platform; derivatives by differences."""
     robot, rng = load_robot("srbd"), np.random.default_rng(7)
     effect = effect_named("base_compliance", robot, robot.detailed, {})
     chain = Chain(robot.detailed, np.zeros(3), 1e-3).with_effects((effect,))
@@ -132,9 +129,9 @@ def test_a_base_on_soft_feet_turns_the_probe():
 
 
 def test_turns_set_three_more_combinations(found, without):
-    """33 of the six rods' show in positions, 36 in poses: those that only tilt the platform.
+    """Six rods: 33 combinations from positions, 36 from poses; three only tilt the platform.
 
-    How the probe is mounted does the same as the platform's joints turned all together.
+    The mounting of the probe has the same effect as rotating all joints of the platform together.
     """
     assert without.observability.rank == 33
     assert without.turn_missed is None
@@ -146,7 +143,7 @@ def test_turns_set_three_more_combinations(found, without):
 
 
 def test_the_tilt_of_the_platform_is_found(cell, found, without):
-    """On poses that were not fitted: how the platform is turned, less how the probe is mounted."""
+    """For the rotation of the platform without that of the mounting, at poses not fitted."""
     machine, _, poses = cell
     rng = np.random.default_rng(2)
     joint = poses.joint[rng.permutation(len(poses))[:30]] + 0.05 * rng.standard_normal((30, 3))
@@ -172,7 +169,7 @@ def test_the_tilt_of_the_platform_is_found(cell, found, without):
     ids=["alternating", "stepwise_qpso"],
 )
 def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, lag):
-    """They come to where least squares do, in as many evaluations as are told beforehand."""
+    """They reach the least-squares result with the number of evaluations that was announced."""
     poses, chain = cell[2], chain_of(PROBED)
     start, noise, problem = prepare(poses, PROBED, chain)
     x = chain.pose(poses.conditions, start)
@@ -185,13 +182,13 @@ def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, l
     fit = method.fit(problem, np.random.default_rng(0), told.append)
     least = solve_problem(problem)
     assert least.theta[: len(start)] == pytest.approx(found.theta, abs=1e-12)
-    assert fit.solution.cost < least.cost + lag  # in turn, what only priors set lags behind
+    assert fit.solution.cost < least.cost + lag  # alternating fits lag where only priors determine
     assert np.sqrt(np.mean((fit.solution.residual - least.residual) ** 2)) < 0.1  # of the noise
-    assert 6 * sum(told) == most_evaluations(method, PROBED)  # with five parts held out
+    assert 6 * sum(told) == most_evaluations(method, PROBED)  # with five held-out parts
 
 
 def test_what_is_left_of_the_turns_is_their_noise(cell, found):
-    """Averaged over the readings of a stop; joints that rest beside their command turn it too."""
+    """Expected: the noise averaged over the readings of a stop, plus the rest errors of joints."""
     machine, _, poses = cell
     x, theta = machine.chain.pose(poses.conditions, machine.theta), machine.theta
     slope = machine.chain.mechanism.turn_by_pose(x) @ machine.chain.mechanism.velocity_jacobian(
@@ -218,7 +215,7 @@ def test_a_session_keeps_its_turns(cell, tmp_path):
 
 
 def test_a_diagnosis_is_about_the_same_machine(cell, found):
-    """Nothing hidden: the fit, which is another way to the same least squares."""
+    """Without a cause the result is that of the fit, by another algorithm."""
     diagnosis = diagnose(survey(cell[1], PROBED.joints.names), PROBED)
     assert not diagnosis.verdict.findings
     assert not diagnosis.verdict.unknown_structure.found
@@ -231,7 +228,7 @@ def test_a_diagnosis_is_about_the_same_machine(cell, found):
 
 
 def test_turns_name_what_positions_do_not_show():
-    """Rods that hardly stretch tilt the platform, as those of a pair do not carry alike."""
+    """Rods that hardly stretch tilt the platform, because the loads of a pair differ."""
     give = (("forearm_compliance", {"strength": "0.1"}),)
     machine = draw_machine(PROBED, 41, hidden=give)
     session = simulate_session(machine, make_plan("rich", PROBED, count=60, seed=41), 41)
@@ -242,7 +239,7 @@ def test_turns_name_what_positions_do_not_show():
 
 
 def test_a_probe_that_is_less_sure_than_stated_raises_no_alarm():
-    """How repeats differ says how sure it is: three times the stated noise."""
+    """The repeats show that the noise is three times the stated noise."""
     loose = replace(PROBED, tracker=replace(PROBED.tracker, turn=3 * TURN))
     plan = make_plan("rich", loose, count=60, seed=42)
     session = simulate_session(draw_machine(loose, 42), plan, 42)
@@ -254,7 +251,7 @@ def test_a_probe_that_is_less_sure_than_stated_raises_no_alarm():
 
 
 def test_a_turn_that_never_changes_was_not_measured(cell):
-    """Software without a probe fills something in; what was measured is the position."""
+    """Software without a probe writes a constant; only the position was measured."""
     stream = cell[1].tracker
     one = np.tile([0.0, 0.0, 0.0, 1.0], (len(stream.quaternion), 1))
     filled = replace(cell[1], tracker=replace(stream, quaternion=one))
@@ -267,7 +264,7 @@ def test_a_turn_that_never_changes_was_not_measured(cell):
 
 
 def test_a_circle_test_tells_the_same_with_a_probe():
-    """Its radii are of positions; the parts add up, and the play is its own."""
+    """Radii are from positions; the shares add up, and that of the backlash is the same."""
     play = (("backlash", {"strength": "1"}),)
     machine = draw_machine(PROBED, 43, hidden=play)
     session = simulate_session(machine, make_plan("circles", PROBED, seed=43), 43)
@@ -281,10 +278,10 @@ def test_a_circle_test_tells_the_same_with_a_probe():
 
 
 def test_a_history_takes_turns_as_well():
-    """What a session says of the rods is more by its turns, and of nothing much less.
+    """With rotations the information is much larger for rods, and never less than half.
 
-    Either is linear about a fit of its own: without turns the reflector's offset lies anywhere in
-    its valley, and what joints and rods do goes by it.
+    Each is linear about its own fit. Without rotations the reflector offset is poorly determined,
+    and the information about joints and rods depends on it.
     """
     plan = make_plan("identify", PROBED, count=20, seed=44)
     session = simulate_session(draw_machine(PROBED, 44), plan, 44, rate=20.0)
@@ -295,7 +292,7 @@ def test_a_history_takes_turns_as_well():
 
 
 def test_when_turns_take_no_part(cell):
-    """Not told how sure they are, a reflector, no turns, or a model whose platform stays level."""
+    """Unknown noise of rotations, a reflector, no rotations, or a model with a level platform."""
     _, _, poses = cell
     chain = chain_of(PROBED)
     assert turns_of(poses, PROBED, chain) is not None

@@ -1,4 +1,4 @@
-"""Each tutorial, run as published: its commands in a shell, their outputs compared."""
+"""Each tutorial is run as published: commands in a shell, outputs compared."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import pytest
 from tutorial import ROOT, Command, File, matches, run_page, steps
 
 FOLDER = ROOT / "docs" / "tutorials"
-LIVE = {"calibrate_a_simulated_cell.md", "replay_a_bag.md"}  # start nodes
-ELSEWHERE = {"README.md", "install_in_a_cell.md"}  # no commands, or a cell's: test_cell_pages.py
+LIVE = {"calibrate_a_simulated_cell.md", "replay_a_bag.md"}  # these start nodes
+ELSEWHERE = {"README.md", "install_in_a_cell.md"}  # no commands, or in test_cell_pages.py
 PAGES = sorted(path for path in FOLDER.glob("*.md") if path.name not in ELSEWHERE)
 SECONDS = 240.0
 CASES = [

@@ -1,4 +1,4 @@
-"""Uncertainty of positions: against GTC, by Monte Carlo (GUM S1), and against the truth."""
+"""Uncertainty of positions, compared with GTC, Monte Carlo (GUM S1) and true errors."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ ROW = 7
 
 @cache
 def examined(name: str = "srbd") -> Examined:
-    """A machine as drawn at random, measured and fitted."""
+    """A random machine, measured and fitted."""
     robot = load_robot(name)
     plan = make_plan("identify", robot, count=24, seed=5)
     session = simulate_session(draw_machine(robot, 5), plan, 5)
@@ -57,13 +57,13 @@ def examined(name: str = "srbd") -> Examined:
 
 
 def drawn(covariance: np.ndarray, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Normal vectors of a covariance that may be singular, (n, k)."""
+    """Normal vectors with a covariance that may be singular, (n, k)."""
     value, way = np.linalg.eigh(covariance)
     return (rng.standard_normal((n, len(value))) * np.sqrt(np.maximum(value, 0.0))) @ way.T
 
 
 def turned_back(w: list, v: list) -> list:
-    """R(w)^T v by Rodrigues' formula, of GTC's uncertain numbers."""
+    """R(w)^T v by Rodrigues' formula, with uncertain numbers of GTC."""
     angle = GTC.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
     k = [each / angle for each in w]
     cross = [k[1] * v[2] - k[2] * v[1], k[2] * v[0] - k[0] * v[2], k[0] * v[1] - k[1] * v[0]]
@@ -73,7 +73,7 @@ def turned_back(w: list, v: list) -> list:
 
 
 def test_budget_of_a_measured_point_is_that_of_gtc() -> None:
-    """The tracker measures range and two angles; GTC carries all inputs to the base."""
+    """The tracker measures range and two angles; GTC propagates all inputs to the base."""
     found = examined()
     poses, noise, own = found.poses, found.noise, found.identified
     point, count = poses.point[ROW], float(poses.count[ROW])
@@ -116,10 +116,10 @@ def test_budget_of_a_measured_point_is_that_of_gtc() -> None:
 
 @pytest.mark.parametrize(("name", "scale"), [("srbd", 0.1), ("scara", 1.0)])
 def test_what_a_fit_leaves_open_by_monte_carlo(name: str, scale: float) -> None:
-    """GUM S1: machines drawn from the covariance, predicted by the whole model, not linearized.
+    """GUM S1: machines drawn from the covariance, predicted by the full nonlinear model.
 
-    Of a Delta's rods and its reflector the data know products, which machines drawn far from
-    the fit do not keep: of these a tenth of the spread is drawn.
+    For rods and reflector of a Delta the data determine products, which machines far from the fit
+    do not preserve. Therefore a tenth of the spread is drawn for the Delta.
     """
     found, rng, n = examined(name), np.random.default_rng(1), 1500
     own, at = found.identified, found.poses.conditions.take(slice(0, 3))
@@ -137,7 +137,7 @@ def test_what_a_fit_leaves_open_by_monte_carlo(name: str, scale: float) -> None:
 
 
 def test_radius_by_monte_carlo() -> None:
-    """Along a line and for alike axes it is exact, between them within 2 %."""
+    """Exact along a line and for equal axes, otherwise within 2 %."""
     rng = np.random.default_rng(2)
     for sigma in ([1.0, 1.0, 1.0], [1.0, 0.0, 0.0], [1.0, 0.5, 0.2], [1.0, 1.0, 0.1]):
         r = np.linalg.norm(rng.standard_normal((400_000, 3)) * sigma, axis=1)
@@ -150,7 +150,7 @@ def test_radius_by_monte_carlo() -> None:
 
 
 def test_radius_about_either_side_by_monte_carlo() -> None:
-    """Plays of three joints, each to one side or the other, beside a normal error."""
+    """Backlash of three joints, each on one of two sides, plus a normal error."""
     rng, n = np.random.default_rng(3), 400_000
     sided = np.array([[60.0, 10.0, -30.0], [0.0, 70.0, 20.0], [15.0, -5.0, 80.0]])
     for sigma in ([5.0, 5.0, 5.0], [40.0, 20.0, 5.0], [0.0, 0.0, 0.0]):
@@ -161,18 +161,18 @@ def test_radius_about_either_side_by_monte_carlo() -> None:
 
 
 def sines(amplitude: list[float], n: int, rng: np.random.Generator) -> np.ndarray:
-    """Independent sines of random phase along the axes, (n, 3): what gears leave."""
+    """Independent sines of random phase along the axes, (n, 3), like gear errors."""
     return np.array(amplitude) * np.sqrt(2) * np.sin(rng.uniform(0, 2 * np.pi, (n, 3)))
 
 
 def fourth_of(error: np.ndarray) -> float:
-    """Variance of |e|^2 less that of a normal law of the same covariance."""
+    """Variance of |e|^2 minus that of a normal distribution with the same covariance."""
     covariance = error.T @ error / len(error)
     return float(np.var(np.sum(error**2, axis=1)) - 2 * np.sum(covariance**2))
 
 
 def test_radius_of_bounded_errors_by_monte_carlo() -> None:
-    """Sines reach less far than normal errors of their size; the fourth moment says how far."""
+    """Sines have a smaller radius than normal errors of the same size, by their fourth moment."""
     rng, n = np.random.default_rng(6), 400_000
     for amplitude in ([1.0, 1.0, 1.0], [1.0, 0.7, 0.3], [1.0, 0.2, 0.0]):
         error = sines(amplitude, n, rng) + 0.3 * rng.standard_normal((n, 3))
@@ -184,7 +184,7 @@ def test_radius_of_bounded_errors_by_monte_carlo() -> None:
 
 
 def test_fourth_moment_of_what_a_model_leaves_out_is_found_from_its_errors() -> None:
-    """A sine along one axis has k = 1.5 - 3, one along each of three a third of it; noise 0."""
+    """A sine along one axis has k = 1.5 - 3, three sines a third of that, and noise 0."""
     rng, n = np.random.default_rng(7), 20_000
     place, noise = np.arange(n), np.tile(0.04 * np.eye(3), (n, 1, 1))
     for amplitude, expected in (([1.0, 0.0, 0.0], -1.5), ([1.0, 1.0, 1.0], -0.5)):
@@ -197,7 +197,7 @@ def test_fourth_moment_of_what_a_model_leaves_out_is_found_from_its_errors() -> 
 
 
 def test_radius_of_a_variance_from_few_repeats_by_monte_carlo() -> None:
-    """Share of errors within it in the mean of many estimates of the variance."""
+    """Coverage on average over many estimates of the variance."""
     rng, n, degrees = np.random.default_rng(4), 200_000, 12.0
     estimate = rng.chisquare(degrees, n) / degrees
     r = np.linalg.norm(rng.standard_normal((n, 3)), axis=1)
@@ -208,7 +208,7 @@ def test_radius_of_a_variance_from_few_repeats_by_monte_carlo() -> None:
 
 
 def split_of(repeated: float, model: float, rng: np.random.Generator, freedom: float = 8.0):
-    """Errors of 40 places from two sides, where s_q is 1 and few repeats say `repeated`."""
+    """Errors of 40 places from two sides; s_q is 1, and few repeats give `repeated`."""
     n, moving = 80, np.tile(np.diag([1.0, 0.5, 0.2]), (80, 1, 1))
     place = np.arange(n) // 2
     error = rng.standard_normal((n, 3)) * np.sqrt([1.0, 0.5, 0.2])
@@ -218,14 +218,14 @@ def split_of(repeated: float, model: float, rng: np.random.Generator, freedom: f
 
 
 def whole_of(found) -> tuple[float, float]:
-    """Trace of M and of the rest together, and its standard error."""
+    """Trace of M and of the rest errors together, and its standard error."""
     still = 1.7 * found.rest.repeatability**2
     doubt = np.hypot(found.doubt, still * np.sqrt(2 / found.rest.freedom))
     return np.trace(found.covariance) + still, doubt
 
 
 def test_residuals_tell_beside_few_repeats_where_joints_come_to_rest() -> None:
-    """Three times as sure as repeats; what is stated stays as it is."""
+    """The variance is less than a third of that of repeats; a stated repeatability is kept."""
     rng, few = np.random.default_rng(4), 8
     repeated = rng.chisquare(few, 400) / few
     whole = [whole_of(split_of(np.sqrt(each), 0.0, rng))[0] / 1.7 for each in repeated]
@@ -239,7 +239,7 @@ def test_residuals_tell_beside_few_repeats_where_joints_come_to_rest() -> None:
 def test_the_sum_of_model_and_rest_goes_by_the_residuals_where_a_model_errs(
     repeated: float,
 ) -> None:
-    """What one of both is told too small, the other is told too large."""
+    """If one of them is estimated too small, the other is too large."""
     rng, true = np.random.default_rng(6), 1.7 + 3 * 4.0
     found = [split_of(repeated, 4.0, rng) for _ in range(50)]
     whole, doubt = zip(*map(whole_of, found), strict=True)
@@ -277,13 +277,13 @@ def test_nothing_is_certified_outside_the_region() -> None:
         ("srbd", "encoder_eccentricity", 0.90, 0.995),
         ("scara", "transmission_error", 0.90, 0.995),
         ("linear_delta", "none", 0.90, 0.995),
-        ("srbd", "backlash", 0.90, 0.985),  # either side: two values
+        ("srbd", "backlash", 0.90, 0.985),  # on either side: two values
     ],
 )
 def test_true_errors_lie_within_what_is_certified(
     robot: str, cause: str, least: float, most: float
 ) -> None:
-    """At places that were not measured, with a hidden cause that the model does not have."""
+    """At places that were not measured, with a hidden cause that is not in the model."""
     share = np.mean([coverage(robot, cause, seed).covered for seed in range(5)])
     assert least <= share <= most
 
@@ -294,7 +294,7 @@ def test_a_hidden_cause_widens_what_is_certified() -> None:
 
 
 def test_uncertainty_follows_its_covariance() -> None:
-    """Four times the variance of everything is twice the radius."""
+    """With four times the variance of all parts, the radius doubles."""
     own, at = examined().identified, examined().poses.conditions
     told = own.uncertainty
     model = replace(told.model, covariance=4 * told.model.covariance, play=2 * told.model.play)
@@ -305,7 +305,7 @@ def test_uncertainty_follows_its_covariance() -> None:
 
 
 def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
-    """It is listed and not judged: nobody can pass by leaving out what does not fit."""
+    """It is listed but not judged, so excluding bad poses cannot give a pass."""
     source = Provenance("session", "0" * 64, 0, "srbd", "srbd.yaml", "0" * 64, 0)
     wide = About({"tolerance_mm": 10.0})
     whole = Certificate(examined(), wide, source)
@@ -332,7 +332,7 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
 def test_a_tolerance_off_the_scale_is_said_not_drawn(
     tolerance: float | None, said: str, drawn: int
 ) -> None:
-    """Its name far out left the axes of the PDF no room."""
+    """Otherwise its label would leave no room for the axes in the PDF."""
     source = Provenance("session", "0" * 64, 0, "srbd", "srbd.yaml", "0" * 64, 0)
     about = About({} if tolerance is None else {"tolerance_mm": tolerance})
     figure = histogram_figure(Certificate(examined(), about, source))

@@ -1,4 +1,4 @@
-"""The short way of usual commands comes out as the long one does, to the last bit."""
+"""The fast path of usual commands gives exactly the results of the full path."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def files_fixture(tmp_path_factory: Any) -> dict[str, Path]:
 
 @dataclass(frozen=True)
 class Given:
-    """One command of a stream, and what happens before it."""
+    """A command of a stream, and events before it."""
 
     q: np.ndarray
     stamp_ns: int
@@ -75,14 +75,14 @@ class Given:
     frame: str = ""
     age_s: float = 0.0
     enable: bool | None = None
-    again: int = 0  # commands the output before so many instead
+    again: int = 0  # repeat an earlier output, counted from the last, as the command
     order: tuple[int, ...] = (0, 1, 2)  # of the names
-    big: bool = False  # whether the high end of a number comes first
-    gripper: bool = False  # whether another joint comes with the robot's
-    speeds: int = 0  # entries of velocity
+    big: bool = False  # whether numbers are big-endian
+    gripper: bool = False  # whether another joint is in the message
+    speeds: int = 0  # number of velocities
     burst: bool = False  # whether time was lost before
-    restart: bool = False  # deactivated and activated
-    stands: bool = False  # whether joint_states say so, where the last output was
+    restart: bool = False  # whether the node is deactivated and activated
+    stands: bool = False  # whether joint_states confirm the last output
     reload: bool = False  # whether the calibration is loaded again
 
 
@@ -115,7 +115,7 @@ def message(given: Given) -> bytes:
 
 
 class Follower:
-    """A desk whose commands go the short way where there is one, or the long way always."""
+    """A desk that uses the fast path where possible, or always the full path."""
 
     def __init__(self, short: bool, calibration: Path, **settings: Any) -> None:
         self.desk = CalibrationSession(Settings("srbd", calibration=str(calibration), **settings))
@@ -126,7 +126,7 @@ class Follower:
         self.desk.start_capture(0.0)
 
     def give(self, given: Given) -> tuple[object, ...]:
-        """All that is to be seen of what a command comes to."""
+        """All visible results of a command."""
         if given.again and self.out:
             given = replace(given, q=self.out[-given.again])
         if given.stands and self.out:
@@ -182,7 +182,7 @@ def motion(t: float) -> np.ndarray:
 
 
 def stream(seed: int = 0) -> Iterator[Given]:
-    """A second and a half of commands at 1 kHz, with all that can go wrong on the way."""
+    """A second and a half of commands at 1 kHz, with all faults that can occur."""
     draws = np.random.default_rng(seed)
     outside = nominal_joints(ROBOT, np.array([[0.0, 0.0, -0.62]]))[0]
     odd = {
@@ -205,7 +205,7 @@ def stream(seed: int = 0) -> Iterator[Given]:
         given = Given(motion(t), T0_NS + int(t * 1e9), 10.0 + 1e-3 * k)
         if 800 <= k < 850:
             given = replace(given, order=(2, 0, 1))
-        if 900 <= k < 930:  # stands still
+        if 900 <= k < 930:  # no motion
             given = replace(given, q=motion(0.9))
         yield replace(given, **odd.get(k, {}))
 
@@ -271,7 +271,7 @@ FAULTS: tuple[dict[str, Any], ...] = (
 
 
 def random_stream(seed: int) -> Iterator[Given]:
-    """Commands whose faults, pauses and senders are drawn."""
+    """Commands with random faults, pauses and senders."""
     draws = np.random.default_rng(seed)
     kind: dict[str, Any] = {}
     t = now_s = 0.0
@@ -279,7 +279,7 @@ def random_stream(seed: int) -> Iterator[Given]:
         pause = draws.uniform() < 0.004
         t += 0.7 if pause else draws.uniform(0.0, 2e-3)
         now_s += 0.7 if pause else draws.uniform(0.0, 2e-3)
-        if draws.uniform() < 0.01:  # another sender, for a while
+        if draws.uniform() < 0.01:  # another sender for some time
             kind = {"big": bool(draws.integers(2)), "speeds": 3 * int(draws.integers(2))}
             kind["order"] = tuple(draws.permutation(3).tolist())
         given = Given(motion(t), T0_NS + int(t * 1e9), 10.0 + now_s, **kind)
@@ -288,7 +288,7 @@ def random_stream(seed: int) -> Iterator[Given]:
         elif draws.uniform() < 0.05:
             fault = FAULTS[int(draws.integers(len(FAULTS)))]
             given = replace(given, **fault)
-        elif draws.uniform() < 0.05:  # on again, where a fault has switched it off
+        elif draws.uniform() < 0.05:  # switched on again after a fault
             given = replace(given, enable=True)
         yield given
 
@@ -321,7 +321,7 @@ def test_a_blended_correction_goes_the_short_way(files: dict[str, Path]) -> None
     short, long = (Follower(short, files["geometry"], ramp_s=0.0) for short in (True, False))
     for follower in (short, long):
         follower.desk.enable(True)
-    heights = np.linspace(-0.70, -0.60, 1000)  # out through the top of the region
+    heights = np.linspace(-0.70, -0.60, 1000)  # leaving through the top of the region
     places = np.column_stack([np.zeros(1000), np.zeros(1000), heights])
     for k, q in enumerate(nominal_joints(ROBOT, places)):
         given = Given(q, T0_NS + k * 1_000_000, 1e-3 * k)
@@ -333,7 +333,7 @@ def test_a_blended_correction_goes_the_short_way(files: dict[str, Path]) -> None
 
 
 def test_what_is_known_runs_out(files: dict[str, Path]) -> None:
-    """Without the arm's temperature the long way says so; with it the short way is taken again."""
+    """Without the arm's temperature the full path says so; with it the fast path is used."""
     follower = Follower(True, files["three"], ramp_s=0.0, temperature_timeout_s=5.0)
     desk = follower.desk
     desk.enable(True)
@@ -356,7 +356,7 @@ def test_what_is_known_runs_out(files: dict[str, Path]) -> None:
 def test_a_node_has_gone_the_short_way_before_its_first_command(
     files: dict[str, Path], name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What compiled code takes to load, no command waits for, whatever the model goes by."""
+    """No command waits until compiled code is loaded, whichever effects the model has."""
     taken, take = [], UsualWay.take
     monkeypatch.setattr(
         UsualWay, "take", lambda *given: taken.append(take(*given) is not None) or taken[-1]

@@ -1,4 +1,4 @@
-"""RViz's set-up and the Foxglove layout name only what a cell publishes or a session holds."""
+"""RViz and Foxglove files name only topics that a cell publishes or a session contains."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ pytestmark = pytest.mark.ros
 CONFIG = Path(__file__).parents[1] / "config"
 RVIZ = YAML(typ="safe").load(CONFIG / "cell.rviz")["Visualization Manager"]
 LAYOUT = json.loads((CONFIG / "cell.foxglove.json").read_text(encoding="utf-8"))
-SHOWS = {  # what RViz's displays take
+SHOWS = {  # types that RViz's displays take
     "RobotModel": "std_msgs/msg/String",
     "MarkerArray": "visualization_msgs/msg/MarkerArray",
     "Pose": "geometry_msgs/msg/PoseStamped",
     "PointStamped": "geometry_msgs/msg/PointStamped",
 }
 SCENE = {"geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PointStamped", SHOWS["MarkerArray"]}
-PANELS = {  # what Foxglove's panels take, by the setting that holds a topic
+PANELS = {  # types that Foxglove's panels take, by the setting with the topic
     "DiagnosticSummary": ("topicToRender", "diagnostic_msgs/msg/DiagnosticArray"),
     "RawMessages": ("topicPath", None),
 }
@@ -44,7 +44,7 @@ PANELS = {  # what Foxglove's panels take, by the setting that holds a topic
 
 @pytest.fixture(name="published")
 def published_fixture(bench: Bench) -> dict[str, str]:
-    """Topics and types of a running cell, from the nodes themselves; and of a session."""
+    """Topics and types of a running cell, from its nodes, and of a session."""
     start = [Parameter("autostart", value=True)]
     node = bench.add(CalibrationNode(context=bench.context, parameter_overrides=start))
     node.start()
@@ -61,7 +61,7 @@ def published_fixture(bench: Bench) -> dict[str, str]:
 
 
 def displays() -> Iterator[tuple[str, dict[str, Any]]]:
-    """Kind of each display of RViz that shows a topic, and the topic's settings."""
+    """Kind and topic settings of each RViz display with a topic."""
     for display in RVIZ["Displays"]:
         topic = display.get("Topic") or display.get("Description Topic")
         if topic is not None:
@@ -84,10 +84,10 @@ def test_rviz_shows_what_is_published(published: dict[str, str], bench: Bench) -
 def test_rviz_asks_for_no_better_service_than_there_is(
     published: dict[str, str], bench: Bench
 ) -> None:
-    """A latched topic is asked for as latched, a driver's stream not as reliable."""
+    """Latched topics are requested as latched, streams of drivers as best effort."""
     for _, topic in displays():
         found = bench.nodes[0].get_publishers_info_by_topic(topic["Value"])
-        assert found or topic["Value"] == "/tracker/point"  # of a tracker that sends no poses
+        assert found or topic["Value"] == "/tracker/point"  # for a tracker without poses
         for info in found:
             latched = info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
             assert (topic["Durability Policy"] == "Transient Local") == latched
@@ -130,7 +130,7 @@ def test_foxglove_s_plots_draw_fields_that_messages_have(published: dict[str, st
 
 
 def is_number(kind: str, fields: list[str]) -> bool:
-    """Whether a path through a message of this type ends in one number."""
+    """Whether a path through a message of this type ends in a number."""
     for field in fields:
         name, index = re.fullmatch(r"(\w+)(\[\d+\])?", field).groups()
         package, *_, message = kind.split("/")
@@ -161,7 +161,7 @@ def test_every_panel_has_a_place_and_every_place_a_panel() -> None:
 
 
 def leaves(layout: Any) -> Iterator[str]:
-    """Panels of a layout, which halves a space again and again."""
+    """Panels of a layout, which is divided in two repeatedly."""
     if isinstance(layout, str):
         yield layout
     else:
