@@ -1,4 +1,4 @@
-"""One pose far off all others is set aside: it neither hides in the noise nor refuses the robot."""
+"""A pose far off all others is set aside: it does not hide in the noise nor refuse the robot."""
 
 from __future__ import annotations
 

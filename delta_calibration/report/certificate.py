@@ -91,22 +91,24 @@ class Certificate:
 
     @property
     def points(self) -> tuple[Decision, ...] | None:
-        """Decision of every pose (a pose set aside is not decided); None without a tolerance."""
+        """Decision of every pose; None without a tolerance.
+
+        A pose that was set aside is not decided, nor is one that would pass by a calibration made
+        from its own reading.
+        """
         if self.about.tolerance is None:
             return None
         judged = decided(self.error_after, self.budget.of_points, self.about.tolerance)
+        own = self.examined.seen
         return tuple(
-            one if counts else Decision.NOT_DECIDED
+            one if counts and not (own and one is Decision.PASS) else Decision.NOT_DECIDED
             for one, counts in zip(judged, self.examined.believed, strict=True)
         )
 
     @property
     def decision(self) -> Decision | None:
         """Decision of the machine; None without a tolerance."""
-        points = self.points
-        if points is None:
-            return None
-        return of_all(points, bool(self.examined.believed.all()) and not self.examined.seen)
+        return None if self.points is None else of_all(self.points)
 
     @cached_property
     def dimensions(self) -> tuple[Dimension, ...]:

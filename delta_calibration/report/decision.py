@@ -41,15 +41,8 @@ def decided(error: Array, expanded: Array, tolerance: float) -> tuple[Decision, 
     )
 
 
-def of_all(points: Sequence[Decision], whole: bool) -> Decision:
-    """Decide a machine: it passes if every point does, and `whole` is true.
-
-    Args:
-        points: decisions of the points.
-        whole: whether a pass is allowed: no point was set aside, and the errors are held out.
-    """
+def of_all(points: Sequence[Decision]) -> Decision:
+    """Decide a machine: it passes if every point does, and fails if one fails."""
     if Decision.FAIL in points:
         return Decision.FAIL
-    if not whole or Decision.NOT_DECIDED in points:
-        return Decision.NOT_DECIDED
-    return Decision.PASS
+    return Decision.NOT_DECIDED if Decision.NOT_DECIDED in points else Decision.PASS
