@@ -17,6 +17,7 @@ from delta_calibration.cli.diagnose import describe
 from delta_calibration.data import at_rest
 from delta_calibration.diagnosis import Measured, Observed, diagnose_observations
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.search import find
 from delta_calibration.documents import check_document, load_schema
 from delta_calibration.effects import effect_named
 from delta_calibration.effects.backlash import Backlash
@@ -294,3 +295,22 @@ def test_every_kind_goes_with_effects_and_joints_as_differences_say(number):
         )
         numeric = (back - ahead) / (2 * h)
         np.testing.assert_allclose(about.by_theta[..., k], numeric, atol=2e-3 * size[k])
+
+
+@pytest.mark.parametrize(("size", "seed"), [(3e-5, 1), (3e-5, 3), (5e-5, 3)])
+def test_where_the_noise_is_estimated_a_step_is_no_settling(size, seed):
+    """Each fit has chi square of one then; it is the spread of the noise that tells them apart."""
+    drawn, rng = DELTA.commanded, np.random.default_rng(seed)
+    frame = Frame.from_vector(np.array([0.1, -0.2, 1.0, 0.5, 2.0, 0.3]))
+    joint = rng.uniform(-0.2, 0.9, (60, 3))
+    at = conditions(joint)
+    slip = size * (at.time > 1150.0)[:, None] * np.array([1.0, -0.8, 0.9])
+    place = drawn.position(drawn.forward(joint + slip, drawn.parameters.nominal))
+    point = frame.apply(place) + 10e-6 * rng.standard_normal((60, 3))
+    seen = Measured(PointMeasured(joint, point, np.zeros(3), 10e-6), at)
+    model = Observed.of(drawn, [seen], frame, stated=False)
+    causes = ("joint_zero_drift", "backlash", "joint_scale", "tracker_scale", "tracker_drift")
+    effects = [effect_named(cause, DELTA, drawn, {}) for cause in causes]
+    (term,) = find(model, effects, np.random.default_rng(0)).model.terms
+    assert term.cause == "joint_zero_drift"
+    assert term.effect.step_at == pytest.approx(1150.0, abs=90.0)

@@ -82,6 +82,7 @@ MOST = 4  # largest number of causes in a model
 SHORT_LIST = 30  # candidates from which swaps and pairs are made
 RIVAL = 0.25  # share of a map's ln B from which a cause is fitted in its place
 NEARLY = 0.8  # share of a cause's ln B from which another is fitted in its place
+KINDRED = 0.5  # share of a cause's signal from which another is compared in its best shape
 LOOKED_AT = 3  # largest number of such alternatives
 SWAPS = 2  # largest number of rounds of swaps
 PARTS = 5  # into which data are divided for cross-validation

@@ -28,7 +28,7 @@ from delta_calibration.diagnosis.candidates import (
 from delta_calibration.diagnosis.constants import NEARLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.memo import Memo
-from delta_calibration.diagnosis.scores import PRECISION, free_decrease
+from delta_calibration.diagnosis.scores import PRECISION, most_likely_of_each
 from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
@@ -186,6 +186,14 @@ class Fitted(ABC):
         """Chi square per degree of freedom with the terms in the model."""
         return self.beside.misfit
 
+    @abstractmethod
+    def loss(self, samples: float) -> float:
+        """-2 ln of the likelihood of this fit, less a constant of the session.
+
+        Args:
+            samples: degrees of freedom for which it is stated, as fits may use different samples.
+        """
+
     @property
     def layout(self) -> Layout:
         """Layout of theta; each term is an effect, empty if it is a dimension."""
@@ -291,7 +299,7 @@ class Fitted(ABC):
         terms = self.terms
         for i, term in enumerate(terms):
             rest = terms[:i] + terms[i + 1 :]
-            sharper = _sharper(beside(self.evidence, rest), term)
+            sharper = in_best_shape(beside(self.evidence, rest), term)
             terms = (*terms[:i], sharper, *terms[i + 1 :])
         return terms
 
@@ -335,7 +343,7 @@ def _reached(effect: Effect, other: Effect) -> bool:
     return fixed and all(within)
 
 
-def _sharper(evidence: LinearizedModel, term: Candidate) -> Candidate:
+def in_best_shape(evidence: LinearizedModel, term: Candidate) -> Candidate:
     """The term with its best shape within the intervals, searched one field after the other."""
     intervals = () if term.effect is None else term.effect.bounded_intervals()
     if not intervals:
@@ -417,11 +425,17 @@ def gain_of(about: Shapes, candidate: Candidate) -> float:
 
 
 def gains_of(about: Shapes, candidates: Sequence[Candidate]) -> Array:
-    """Decrease of chi square by each of some candidates, (c,), computed in batches."""
+    """Decrease of chi square by each of some candidates, less the cost of its values, (c,).
+
+    The values are the likeliest within their bounds. Their cost is that of their prior: along a
+    ridge, as that of a growth and a time constant far beyond the session, chi square hardly
+    changes and the values become implausible.
+    """
     gains = [np.zeros(0)]
     for _, alike in groupby(candidates, lambda candidate: len(candidate.rows)):
-        for _, information, along in about.each(list(alike)):
-            gains.append(free_decrease(information, along)[:, 0])
+        for some, information, along in about.each(list(alike)):
+            value, gain = most_likely_of_each(some, information, along[..., 0])
+            gains.append(np.maximum(gain - PRECISION * np.sum(value**2, axis=-1), 0.0))
     return np.concatenate(gains)
 
 

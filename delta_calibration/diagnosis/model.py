@@ -89,14 +89,26 @@ class Model(Fitted):
     @property
     def facts(self) -> SessionFacts:
         """Extent of the session, and how many of its readings took no part."""
-        poses, passing = self.survey.poses, on_the_way(self.survey)
-        unlike = (self.cell.weight == 0) & ~passing
+        poses = self.survey.poses
         aside = {
-            "on_the_way": int(poses.count[passing].sum()),
-            "unlike_the_model": int(poses.count[unlike].sum()),
+            "on_the_way": int(poses.count[on_the_way(self.survey)].sum()),
+            "unlike_the_model": int(poses.count[self.unlike].sum()),
         }
         rejected = poses.rejected.counts() | aside
         return SessionFacts(poses.readings, len(poses), poses.duration, rejected)
+
+    @property
+    def unlike(self) -> NDArray[np.bool_]:
+        """Poses that the fit sets aside as gross errors, (n,)."""
+        return np.asarray((self.cell.weight == 0) & ~on_the_way(self.survey))
+
+    def loss(self, samples: float) -> float:
+        """Chi square, with each pose that the fit sets aside counted as the least gross error.
+
+        A pose is gross from 12 times the noise on, or the robust spread if that is larger.
+        """
+        gross = GROSS**2 * max(1.0, self.misfit)
+        return float(samples * self.misfit + gross * np.count_nonzero(self.unlike))
 
     def elsewhere(self) -> tuple[Model, ...]:
         """The fit with the reflector's offset of the robot file, if a strong cause drew it away.
@@ -167,7 +179,7 @@ class Model(Fitted):
 
     def readmitted(self) -> Model:
         """The same fit, with those poses in use again that it set aside and that miss alike."""
-        out = np.flatnonzero((self.cell.weight == 0) & ~on_the_way(self.survey))
+        out = np.flatnonzero(self.unlike)
         missed, joint = _residual(self)[out, :3], self.survey.poses.joint[out]
         alike = out[like_neighbours(missed, joint)]
         if not alike.size:

@@ -142,6 +142,10 @@ class Observed(Fitted):
                 return now
         raise DataError(f"the fit still moves after {_ROUNDS} steps")
 
+    def loss(self, samples: float) -> float:
+        """Chi square, and the spread of the noise where that is estimated; outliers are fixed."""
+        return float(samples * (self.misfit + 2 * np.log(self.factor)))
+
     def elsewhere(self) -> tuple[Observed, ...]:
         """No other starting points: no reflector's offset is fitted that could be wrong."""
         return ()

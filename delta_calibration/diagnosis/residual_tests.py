@@ -154,10 +154,11 @@ def misses_alike(missed: Array, at: Conditions, rng: np.random.Generator) -> flo
 
     Args:
         missed: measured less predicted by the fit that set them aside, (k, 3) [m].
-        at: their conditions; neighbours are nearest in joint angles.
+        at: their conditions; neighbours are nearest in joint angles, however soon after each
+            other: what noise has in common within half a minute makes no gross error.
         rng: of the draws.
     """
-    near = _nearest(at.joint, at.time) if len(missed) >= _FEWEST_ASIDE else None
+    near = _nearest(at.joint, at.time, 0.0) if len(missed) >= _FEWEST_ASIDE else None
     if near is None or not near[1].any():
         return None
     turned = _moran(_directions(rng.standard_normal((*missed.shape, _TURNS))), near)
@@ -235,11 +236,12 @@ def _neighbourhoods(evidence: LinearizedModel, rows: Index) -> dict[str, Near]:
     return {**near, "time": _next(at.time)}
 
 
-def _nearest(where: Array, time: Array) -> Near:
-    """Neighbours in a space: the nearest samples at least half a minute away in time."""
+def _nearest(where: Array, time: Array, soon: float = _SOON) -> Near:
+    """Neighbours in a space: the nearest samples, at least `soon` [s] away in time."""
     count = min(_LOOKED_AT, len(where))
     near = cKDTree(where).query(where, k=count)[1].reshape(len(where), count)
-    apart = np.abs(time[near] - time[:, None]) >= _SOON
+    apart = np.abs(time[near] - time[:, None]) >= soon
+    apart &= near != np.arange(len(where))[:, None]
     first = np.cumsum(apart, axis=1) <= _NEIGHBOURS
     return near, (apart & first).astype(float)
 

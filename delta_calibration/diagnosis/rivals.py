@@ -18,14 +18,14 @@ unexplained than chance might.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, moved_by
-from delta_calibration.diagnosis.constants import KNOWN, NAMING, SAME, SEPARATED
-from delta_calibration.diagnosis.fitted import Fitted, beside
+from delta_calibration.diagnosis.constants import KINDRED, KNOWN, NAMING, SAME, SEPARATED
+from delta_calibration.diagnosis.fitted import Fitted, beside, in_best_shape
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score
@@ -52,6 +52,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     signal = moved_by(term, evidence, model.scaled(term))
     others = [s for s in tried if not s.candidate.same_cause(term)]
     others = [s for s in others if not any(_within(s.candidate, m) for m in rest)]
+    others = [score for _, score in in_its_place(model, term, others)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     same = equivalents(evidence, signal, others, max(1.0, model.misfit))
     causes = {term.cause, *(candidate.cause for candidate in same)}
@@ -60,6 +61,30 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
         equivalents=same,
         signal=length,
     )
+
+
+def in_its_place(
+    model: Fitted, term: Candidate, others: Sequence[Score]
+) -> list[tuple[float, Score]]:
+    """Scores of others in the place of a term, each with the share of its signal that they make.
+
+    A cause that makes most of it is taken in its best shape: a strong signal tells moments and
+    time constants between the points where others were searched.
+    """
+    evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
+    signal = moved_by(term, evidence, model.scaled(term))
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    length = float(signal @ weighed)
+    found = []
+    for score in others:
+        share = 0.0
+        if length > 0 and not score.candidate.unexplained:
+            columns = columns_of(score.candidate, evidence)
+            share = reached(evidence.information(columns), columns.T @ weighed) / length
+        if share > KINDRED:
+            score = replace(score, candidate=in_best_shape(evidence, score.candidate))
+        found.append((share, score))
+    return found
 
 
 def _within(candidate: Candidate, term: Candidate) -> bool:

@@ -224,9 +224,7 @@ def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Arra
     """
     information, b = _scaled(products, units), units[:, None] * b
     own, drawn = b[..., 0], b[..., 1:]
-    every = zip(information, own, map(bounds_of, shapes), strict=True)
-    value = np.array([most_likely(g, along, *bounds) for g, along, bounds in every])
-    gain = np.sum(value * (2 * own - (information @ value[..., None])[..., 0]), axis=-1)
+    value, gain = most_likely_of_each(shapes, information, own)
     top = int(np.argmax(gain))
     chance = free_decrease(information, drawn).max(axis=0) if drawn.size else np.zeros(0)
     best = max(0.0, float(gain[top]))
@@ -237,6 +235,21 @@ def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Arra
 def _scaled(information: Array, units: Array) -> Array:
     """Information (..., k, k) in units of the priors; unchanged if all units are 1."""
     return information if (units == 1).all() else units[:, None] * information * units
+
+
+def most_likely_of_each(
+    shapes: Sequence[Candidate], information: Array, b: Array
+) -> tuple[Array, Array]:
+    """Most likely values of each shape within its bounds, (L, k), and their D, (L,).
+
+    Args:
+        shapes: of k parameters each, (L,).
+        information: of their parameters, (L, k, k).
+        b: products of their columns with the residuals, (L, k).
+    """
+    every = zip(information, b, map(bounds_of, shapes), strict=True)
+    value = np.array([most_likely(g, along, *bounds) for g, along, bounds in every])
+    return value, np.sum(value * (2 * b - (information @ value[..., None])[..., 0]), axis=-1)
 
 
 def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:

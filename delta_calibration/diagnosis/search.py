@@ -17,7 +17,6 @@ import numpy as np
 from delta_calibration.diagnosis.candidates import Candidate, all_columns
 from delta_calibration.diagnosis.constants import (
     ALPHA,
-    GROSS,
     LACKING,
     LOOKED_AT,
     MOST,
@@ -38,9 +37,10 @@ from delta_calibration.diagnosis.model_selection import (
     worth_it,
     worth_of,
 )
+from delta_calibration.diagnosis.rivals import in_its_place
 from delta_calibration.diagnosis.scan import THREADS, Scan, reshaped, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
-from delta_calibration.diagnosis.set_aside import Aside, set_aside
+from delta_calibration.diagnosis.set_aside import Aside
 from delta_calibration.effects import Effect
 
 
@@ -141,8 +141,8 @@ def find(
 def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     """The fit with the best score of a scan, or with a rival that is likelier when fitted in full.
 
-    Rivals are causes in the place of a map, and pairs. A wrong explanation fitted in the place of
-    a strong cause would hide it from a search about that fit.
+    Rivals are its other shapes, causes in the place of a map, and pairs. A wrong explanation in
+    the place of a strong cause would hide it from a search about that fit.
     """
     named: dict[str, Score] = {}
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
@@ -151,6 +151,7 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
+    sets += fits.of(sets[:1])[0].in_other_shapes
     sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
     return _likeliest(fits, sets, (best, *named.values()))
 
@@ -209,11 +210,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     if not named:
         return model
     own = [as_score(m, short) for m in terms]
-    others = {
-        s.candidate.cause: s
-        for s in sorted(short, key=lambda s: s.log_bayes)
-        if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in terms)
-    }
+    others = _in_their_place(model, short)
     together, count = JointFit.of(model.evidence, [*own, *others.values()]), len(terms)
     whole, sets = together.fit(range(count))[1], [] if count == 1 else [terms]
     worth = Worth(together, here, model.noise_degrees)
@@ -232,6 +229,22 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(fits, sets, short, model)
+
+
+def _in_their_place(model: Fitted, short: tuple[Score, ...]) -> dict[str, Score]:
+    """Other causes by name, each in the shape that best replaces the term it is most like."""
+    others = {
+        s.candidate.cause: s
+        for s in sorted(short, key=lambda s: s.log_bayes)
+        if not s.candidate.unexplained and not any(s.candidate.same_cause(m) for m in model.terms)
+    }
+    near = dict.fromkeys(others, 0.0)
+    for term in model.terms:
+        for share, score in in_its_place(model, term, tuple(others.values())):
+            cause = score.candidate.cause
+            if share > near[cause]:
+                near[cause], others[cause] = share, score
+    return others
 
 
 def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
@@ -259,10 +272,9 @@ def _likeliest(
     samples = bare.beside.degrees
 
     def likely(fit: Fitted) -> float:
-        """ln B from chi square per degree of freedom, as fits may set different poses aside."""
         columns = all_columns(fit.terms, fit.evidence)
         value = np.concatenate([fit.scaled(m) for m in fit.terms])
-        gain = samples * (bare.misfit - fit.misfit)
+        gain = bare.loss(samples) - fit.loss(samples)
         information = fit.evidence.information_of(columns)
         price = price_of(information, value, sizes(fit.terms))
         price += sum(float(np.log(as_score(m, tried).tries * m.forms)) for m in fit.terms)
@@ -367,8 +379,8 @@ def _likelier_start(
     """The start, and its scan, about which the likeliest explanation leaves least."""
     if len(starts) == 1:
         return starts[0], scans[0]
-    every = model.everything()
-    left = [_left_by_the_best(*begun, every) for begun in zip(starts, scans, strict=True)]
+    samples = model.beside.degrees
+    left = [_left_by_the_best(*begun, samples) for begun in zip(starts, scans, strict=True)]
     best = int(np.argmin(left))
     for i, other in enumerate(starts):
         if i != best:
@@ -376,18 +388,13 @@ def _likelier_start(
     return starts[best], scans[best]
 
 
-def _left_by_the_best(start: _Fits, here: Scan, every: Fitted) -> float:
-    """Chi square that the likeliest explanation leaves, fitted in full in its best shape.
+def _left_by_the_best(start: _Fits, here: Scan, samples: float) -> float:
+    """Loss of the likeliest explanation, fitted in full in its best shape.
 
     Args:
         start: a fit without explanations.
         here: scan of its residuals.
-        every: a fit that uses all poses; each pose set aside beyond it counts as a gross error.
+        samples: degrees of freedom for which chi square is stated.
     """
     (fit,) = start.of([tuple(score.candidate for score in here.scores[:1])])
-    return min(_left(one, every) for one in (fit, *start.of(fit.in_other_shapes)))
-
-
-def _left(fit: Fitted, every: Fitted) -> float:
-    out = set_aside(fit.evidence, every.evidence).size
-    return float(fit.misfit * fit.beside.degrees + GROSS**2 * out)
+    return min(one.loss(samples) for one in (fit, *start.of(fit.in_other_shapes)))

@@ -27,8 +27,10 @@ Index = NDArray[np.int64]
 
 # degrees of freedom from which a standard deviation is estimated, not taken from the robot file
 _ENOUGH = 20
-_GROSS = 6.0  # standard deviations beyond which a visit is a gross error
+_GROSS = 6.0  # standard deviations beyond which a repeat is a gross error
+_LEFT_FAR = 12.0  # the same of what conditions leave: from here on a fit sets a pose aside
 _FAR = 20.0  # the same where causes have a part in the deviations, a few times their median
+_LARGEST = 0.7  # of the largest, above the half by which one of three draws the other two
 _FREE = 0.1  # share of a pose's variance that its visits must leave, to tell a gross error
 _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 _STEP = 0.05  # step of log s_q in the second difference of its likelihood
@@ -84,8 +86,9 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     covariance = filed.covariance(poses, slope, robot.tracker)
     poses = _without_gross(poses, covariance, slope)
     visits = _by_conditions(poses, poses.place, slope)
-    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to separate noise from conditions: true repeats
-        visits = _visits(poses.point, poses.repeat)
+    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to separate noise from conditions
+        repeats = _visits(poses.point, poses.repeat)
+        visits = max(visits, repeats, key=lambda each: each.degrees)
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
@@ -123,14 +126,14 @@ def _without_gross(poses: Poses, covariance: Array, slope: Array) -> Poses:
     """Return the poses, with those that hold a gross error relabelled as unrepeated.
 
     A knocked reflector is no noise. Poses over 6 robust standard deviations from the mean of their
-    repeat, 20 from that of their place, or 6 from what the conditions explain, are not used.
+    repeat, 20 from that of their place, or 12 from what the conditions explain, are not used.
     """
     white = whitening(covariance)
     repeat, gross = _without(poses.repeat, white, lambda each: _visits(poses.point, each))
     place = _alone(poses.place, gross)
     # where the conditions could explain nearly all, they would explain the gross errors as well
     place, _ = _without(place, white, lambda each: _visits(poses.point, each), _FAR)
-    place, _ = _without(place, white, lambda each: _by_conditions(poses, each, slope))
+    place, _ = _without(place, white, lambda each: _by_conditions(poses, each, slope), _LEFT_FAR)
     return replace(poses, repeat=repeat, place=place)
 
 
@@ -169,7 +172,7 @@ def _gross(visits: _Visits, white: Array, gross_from: float) -> NDArray[np.bool_
     distance = np.linalg.norm((white @ visits.left[..., None])[..., 0], axis=1)
     distance = np.where(told, distance / np.sqrt(np.where(told, free, 1.0)), 0.0)
     typical = max(float(np.median(distance[told])) / _CHI3_MEDIAN, 1.0)
-    return np.asarray(distance > max(gross_from * typical, distance.max() / 2))
+    return np.asarray(distance > max(gross_from * typical, _LARGEST * distance.max()))
 
 
 @dataclass(frozen=True)
