@@ -112,8 +112,8 @@ def _row(name: str, stops: int, other: bool) -> str:
 def main() -> None:
     """Print the table."""
     print(
-        "| elbow, camera | before: mean | max | after: mean | max | truly before: mean | max "
-        "| truly after: mean | max | moves: mean | max |"
+        "| elbow, camera | before: mean | max | after: mean | max | true error before: mean | max "
+        "| true error after: mean | max | moves: mean | max |"
     )
     print("|---|" + "---|" * 10)
     for posture, other in (("as drawn", False), ("the other way", True)):

@@ -161,7 +161,7 @@ def _possible(
 @click.option("--robots", default=",".join(known_robots()), show_default=True)
 @click.option("--machines", default=10, show_default=True, type=click.IntRange(min=1))
 @click.option("--seed", default=0, show_default=True, help="Seed of the first machine.")
-@click.option("--diagnosed", "extended", is_flag=True, help="Rich sessions, diagnosed.")
+@click.option("--diagnosed", "extended", is_flag=True, help="Use rich sessions and diagnose them.")
 def main(robots: str, machines: int, seed: int, extended: bool) -> None:
     """Print the coverage of certified positions by robot and hidden cause."""
     for line in table(robots.split(","), seed, machines, extended):

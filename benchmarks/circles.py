@@ -175,7 +175,7 @@ def judged(told: list[dict[str, Any]]) -> None:
             f"{what} without a cause: {count} of {len(clean)}, "
             f"95 % between {100 * low:.1f} and {100 * high:.1f} %"
         )
-    print(f"shares are off the whole by at most {max(e['off'] for e in told):.1e}")
+    print(f"shares deviate from the whole by at most {max(e['off'] for e in told):.1e}")
     matter = [e for e in told if "repair" in e and _changed(e) >= _MATTERS]
     for key, of, what in (
         ("repair", told, "the named cause repaired"),
@@ -187,7 +187,7 @@ def judged(told: list[dict[str, Any]]) -> None:
             within = int((np.abs(off) <= 0.1).sum())
             median = 100 * np.median(np.abs(off))
             print(
-                f"{what}: {within} of {off.size} foretold within 10 %, median {median:.1f} % off"
+                f"{what}: {within} of {off.size} predicted within 10 %, median {median:.1f} % off"
             )
     print(f"{np.median([e['seconds'] for e in told]):.1f} s a session (median)")
     for e in told:
@@ -243,7 +243,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--robots", default="srbd,linear_delta,scara")
     parser.add_argument("--clean", action="store_true", help="hide nothing in any machine")
-    parser.add_argument("--json", type=Path, default=None, help="lines of what was found")
+    parser.add_argument(
+        "--json", type=Path, default=None, help="file for the results, one JSON line per machine"
+    )
     options = parser.parse_args()
     robots, told = options.robots.split(","), []
     if options.json is not None and options.json.exists():

@@ -296,7 +296,9 @@ def main() -> int:
     """Print the table, or the number of failures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--failures", type=int, metavar="N", help="count failures of N searches")
-    parser.add_argument("--model", default="rotary_delta", help="of the machines with --failures")
+    parser.add_argument(
+        "--model", default="rotary_delta", help="model of the machines with --failures"
+    )
     chosen = parser.parse_args()
     if chosen.failures is not None:
         return int(failures(chosen.failures, chosen.model) > 0)

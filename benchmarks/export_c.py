@@ -175,8 +175,10 @@ def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--calls", type=int, default=20_000, help="calls timed for each row")
-    parser.add_argument("--robot", nargs="*", default=list(known_robots()), help="names")
-    parser.add_argument("--each", action="store_true", help="each effect by itself as well")
+    parser.add_argument(
+        "--robot", nargs="*", default=list(known_robots()), help="names of the robots"
+    )
+    parser.add_argument("--each", action="store_true", help="also each effect by itself")
     asked = parser.parse_args()
     print(f"| robot | model | effects | {' | '.join(COLUMNS)} |")
     print("|---" * (3 + len(COLUMNS)) + "|")

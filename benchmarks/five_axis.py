@@ -179,7 +179,7 @@ def methods() -> dict[str, Method]:
         return once(lambda r, box, rng: minimise(r, box, settings, rng))
 
     return {
-        "the drawing, nothing identified": lambda r, _: SwarmResult(
+        "nominal parameters, not identified": lambda r, _: SwarmResult(
             np.zeros(len(FREE)), float(r(np.zeros((1, len(FREE))))[0]), 0, np.empty(0)
         ),
         "least squares (Gauss-Newton)": lambda r, _: in_rounds(r, search_box(), least_squares, 3),
@@ -298,10 +298,16 @@ def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--machines", type=int, default=20)
-    parser.add_argument("--noise-um", type=float, default=1.0, help="of the tip, each coordinate")
-    parser.add_argument("--noise-urad", type=float, default=5.0, help="of each angle")
-    parser.add_argument("--settling", action="store_true", help="of the paper's stepwise")
-    parser.add_argument("--conditions", action="store_true", help="of the error model")
+    parser.add_argument("--noise-um", type=float, default=1.0, help="noise of each tip coordinate")
+    parser.add_argument("--noise-urad", type=float, default=5.0, help="noise of each angle")
+    parser.add_argument(
+        "--settling",
+        action="store_true",
+        help="study the settling rule of the paper's stepwise search",
+    )
+    parser.add_argument(
+        "--conditions", action="store_true", help="study the condition number of the error model"
+    )
     asked = parser.parse_args()
     if asked.settling or asked.conditions:
         (settling if asked.settling else conditions)(asked.machines)

@@ -28,15 +28,19 @@ def main() -> None:
     parser.add_argument("--page", type=Path)
     parser.add_argument("--shared", type=int, default=0, metavar="FLEETS")
     parser.add_argument("--throughput", action="store_true")
-    parser.add_argument("--most", type=int, default=2, help="workers")
+    parser.add_argument("--most", type=int, default=2, help="largest number of workers")
     parser.add_argument("--scale", action="store_true")
-    parser.add_argument("--sessions", type=int, default=100, help="of a machine, for --scale")
+    parser.add_argument(
+        "--sessions", type=int, default=100, help="sessions per machine, for --scale"
+    )
     parser.add_argument("--robot", default="srbd")
     parser.add_argument("--spread", type=float, default=0.1)
     parser.add_argument("--machines", type=int, default=30)
-    parser.add_argument("--places", type=int, default=48, help="of each machine of the fleet")
+    parser.add_argument("--places", type=int, default=48, help="places per machine of the fleet")
     parser.add_argument("--trials", type=int, default=8)
-    parser.add_argument("--noise", type=float, default=10.0, help="times the tracker's")
+    parser.add_argument(
+        "--noise", type=float, default=10.0, help="noise as a multiple of the tracker's"
+    )
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     robot = load_robot(given.robot)

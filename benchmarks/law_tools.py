@@ -862,9 +862,11 @@ def starts(before: Path | None, runs: int) -> Iterator[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--before", type=Path, help="checkout of the version in numpy")
-    parser.add_argument("--runs", type=int, default=5, help="new processes; the best counts")
-    parser.add_argument("--batch", type=int, default=10_000, help="samples")
-    parser.add_argument("--only", nargs="*", default=[], help="rows beside the first")
+    parser.add_argument(
+        "--runs", type=int, default=5, help="number of new processes; the fastest counts"
+    )
+    parser.add_argument("--batch", type=int, default=10_000, help="number of samples")
+    parser.add_argument("--only", nargs="*", default=[], help="rows to measure besides the first")
     parser.add_argument("--child", help=argparse.SUPPRESS)
     parser.add_argument("--arm", help=argparse.SUPPRESS)
     parser.add_argument("--folder", type=Path, help=argparse.SUPPRESS)

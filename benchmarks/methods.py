@@ -1,7 +1,7 @@
 """Every method on every robot: error at places that were not measured, and cost.
 
     python benchmarks/methods.py            the table, written into docs/methods.md
-    python benchmarks/methods.py --print    the same on the screen alone
+    python benchmarks/methods.py --print    print the table only
 
 Machines are drawn within each robot's tolerances and measured once at 40 places. At 100 other
 places the distance between the reflector positions of the machine, without noise, and of the fit
@@ -132,7 +132,7 @@ def rows(name: str, seeds: int) -> list[str]:
 def table(seeds: int, jobs: int) -> str:
     """The table of all robots, `jobs` robots at a time."""
     head = (
-        "| robot | method | off elsewhere, mm RMS | worst place, mm | misfit | evaluations "
+        "| robot | method | error elsewhere, mm RMS | worst place, mm | misfit | evaluations "
         "| time |\n|---|---|---|---|---|---|---|"
     )
     robots = known_robots()
@@ -147,9 +147,13 @@ def table(seeds: int, jobs: int) -> str:
 def main() -> None:
     """Write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--machines", type=int, default=3, help="of each robot")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="robots at a time")
-    parser.add_argument("--print", action="store_true", help="on the screen alone")
+    parser.add_argument("--machines", type=int, default=3, help="number of machines of each robot")
+    parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count(), help="number of robots processed in parallel"
+    )
+    parser.add_argument(
+        "--print", action="store_true", help="print the table, do not change docs/methods.md"
+    )
     asked = parser.parse_args()
     made = table(asked.machines, asked.jobs)
     if asked.print:

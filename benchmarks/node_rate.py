@@ -47,7 +47,7 @@ COPYING, EVENTS, RAW = "copying", "copying by events", "raw"
 PLAY: tuple[Mapping[str, object], float] = ({}, 4e-4)  # [rad]
 EFFECTS: dict[str, dict[str, tuple[Mapping[str, object], float]]] = {
     "geometry": {},
-    "play": {"backlash": PLAY},
+    "backlash": {"backlash": PLAY},
     "three effects": {
         "backlash": PLAY,
         "joint_compliance": ({}, 4e-5),  # [rad/(N m)]
@@ -249,8 +249,8 @@ def latencies(cell: Processes, seconds: float, turn: float) -> None:
     plan = [(way, turn, 1000.0) for _ in range(turns) for way in WAYS]
     blocks = measured(cell, plan, "latency")
     took = {way: np.concatenate(blocks[k :: len(WAYS)]) for k, way in enumerate(WAYS)}
-    columns = ["1 kHz", "messages", "lost", "p50 [ms]", "p99 [ms]", "times copying: p50", "p99"]
-    columns += ["of turns, the middle: p50", "p99"]
+    columns = ["1 kHz", "messages", "lost", "p50 [ms]", "p99 [ms]", "ratio to copying: p50", "p99"]
+    columns += ["median over turns: p50", "p99"]
     print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     figures = {way: percentiles(all_) for way, all_ in took.items()}
     base = [percentiles(block) for block in blocks[:: len(WAYS)]]
@@ -320,10 +320,12 @@ def main() -> int:
     if len(sys.argv) > 1 and sys.argv[1] in roles:
         return roles[sys.argv[1]](*sys.argv[2:])
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--seconds", type=float, default=60.0, help="of each way, at 1 kHz")
-    parser.add_argument("--round", type=float, default=2.0, help="seconds before ways change")
     parser.add_argument(
-        "--priority", type=int, default=0, help="real-time priority of all nodes alike; 0 for none"
+        "--seconds", type=float, default=60.0, help="duration for each node, at 1 kHz"
+    )
+    parser.add_argument("--round", type=float, default=2.0, help="duration [s] of a turn")
+    parser.add_argument(
+        "--priority", type=int, default=0, help="real-time priority of all nodes; 0 for none"
     )
     arguments = parser.parse_args()
     return bench(arguments.seconds, arguments.round, arguments.priority)

@@ -147,8 +147,8 @@ def main() -> None:
     """Print the table."""
     robot = load_robot("srbd")
     print(
-        "| lattice | before: mean | max | after: mean | max | truly before: mean | max "
-        "| truly after: mean | max | frame off | moves: mean | max |"
+        "| lattice | before: mean | max | after: mean | max | true error before: mean | max "
+        "| true error after: mean | max | frame off | moves: mean | max |"
     )
     print("|---|" + "---|" * 11)
     print(_row("0.01 degree, 3 searches", lattice(robot), robot), flush=True)

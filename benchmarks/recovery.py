@@ -135,7 +135,7 @@ def main() -> int:
     chosen = parser.parse_args()
     every = tasks(chosen.robots, chosen.causes, chosen.seeds)
     rows: list[dict[str, Any]] = []
-    print("| robot | effect | machines | values | inside | spread | told |")
+    print("| robot | effect | machines | values | inside | spread | determined |")
     print("|---|---|---|---|---|---|---|")
     pairs = list(dict.fromkeys((name, cause) for name, cause, _ in every))
     with ProcessPoolExecutor(chosen.workers) as pool:

@@ -151,8 +151,8 @@ def main() -> int:
     """Run and judge."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seconds", type=float, default=600.0)
-    parser.add_argument("--hz", type=float, default=1000.0, help="of the commands")
-    parser.add_argument("--logs", type=Path, default=None, help="folder to leave the logs in")
+    parser.add_argument("--hz", type=float, default=1000.0, help="rate of the commands")
+    parser.add_argument("--logs", type=Path, default=None, help="folder for the logs")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         logs = arguments.logs or Path(folder) / "logs"

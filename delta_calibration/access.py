@@ -208,7 +208,7 @@ def _enclave(enclaves: ElementTree.Element, one: Rights, path: str) -> None:
 def _checked(what: str, name: str) -> str:
     if not _NAME.fullmatch(name.removeprefix("/")):
         raise InputError(
-            f"{what}: {name!r} is no name of ROS: letters, digits and _, separated by /, "
-            "none begins with a digit"
+            f"{what}: {name!r} is not a valid ROS name: letters, digits and _, separated by /; "
+            "no part begins with a digit"
         )
     return name

@@ -86,7 +86,7 @@ def evaluate(
         frame = align(stops, poses.point).inverse()
         attained = _Attained(*named, stops, frame.apply(poses.point))
         moving = _Attained(*named, meant(readings.command), frame.apply(readings.point))
-        said = "best rigid frame over the same stops (flatters AP; AD and RD are free of it)"
+        said = "best-fit frame of the same stops (makes AP look better; does not affect AD and RD)"
     else:
         attained = _Attained(*named, stops, calibration.tool_points(poses.point, poses.joint))
         seen = calibration.tool_points(readings.point, readings.joint)

@@ -70,7 +70,7 @@ class Calibration:
         """Reason why an identified cause is not compensated, as the end of a sentence."""
         (effect,) = (e for e in self.chain.effects if e.cause == cause)
         if effect.bound_to_session:
-            return "it depends on the time within its session"
+            return "it depends on the time since the start of a session"
         return "it moves the base, not the joints"
 
     @property

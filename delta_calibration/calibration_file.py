@@ -136,7 +136,7 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
         raise ConfigError(
-            f"{source}: parameters: not those of model {data['model']!r}: {', '.join(odd[:5])}"
+            f"{source}: parameters: do not belong to model {data['model']!r}: {', '.join(odd[:5])}"
         )
     theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
     _require_possible(source, chain, chain.split(theta)[0])

@@ -138,7 +138,7 @@ def _radius(
     identified = calibration.identified
     if identified is None:
         say(
-            "u95_mm is the same everywhere, computed from the error left alone: the calibration "
+            "u95_mm is the same everywhere, computed from the error left only: the calibration "
             "was written by an older version; fit again"
         )
         return np.full(len(found.joint), _COVERS * calibration.held_out)

@@ -83,7 +83,7 @@ def _require_small(text: str) -> None:
     for event in YAML(typ="safe", pure=True).parse(text):
         if isinstance(event, AliasEvent):
             if event.anchor not in sizes:
-                raise ValueError(f"alias *{event.anchor} stands within what it stands for")
+                raise ValueError(f"alias *{event.anchor} is used inside its own definition")
             count += sizes[event.anchor]
         elif isinstance(event, CollectionStartEvent):
             open_at.append((event.anchor, count))
@@ -97,7 +97,7 @@ def _require_small(text: str) -> None:
             if event.anchor is not None:
                 sizes[event.anchor] = 1
         if count > _MOST_ENTRIES:
-            raise ValueError(f"aliases that stand for more than {_MOST_ENTRIES} entries")
+            raise ValueError(f"aliases that expand to more than {_MOST_ENTRIES} entries")
 
 
 def _reader() -> YAML:
@@ -116,7 +116,7 @@ def _reader() -> YAML:
             self.level += 1
             if self.level > _DEEPEST:
                 mark = self.parser.peek_event().start_mark
-                problem = f"nested too deep: {_DEEPEST} levels may be"
+                problem = f"nested too deep: at most {_DEEPEST} levels are allowed"
                 raise ComposerError(None, None, problem, mark)
             node = super().compose_node(parent, index)
             self.level -= 1
@@ -133,7 +133,7 @@ def _reader() -> YAML:
 def _number(constructor: SafeConstructor, node: ScalarNode) -> Any:
     """The number of a node; refuses 31_49.0, which YAML reads as 3149 and is a typing error."""
     if "_" in node.value:
-        problem = f"{node.value} is no number: digits take no _"
+        problem = f"{node.value} is not a number: no _ between digits"
         raise ConstructorError(None, None, problem, node.start_mark)
     if str(node.tag).endswith(":int"):
         return constructor.construct_yaml_int(node)
@@ -276,7 +276,7 @@ def _explain(error: ValidationError) -> str:
         case "pattern" if "description" in schema:
             return f"{at}{found!r} is not allowed; {schema['description']} is expected"
         case "not":  # of a constant
-            return f"{at}{found!r} is not allowed; anything but {rule['const']!r} is"
+            return f"{at}{found!r} is not allowed; anything but {rule['const']!r} is expected"
         case _:
             return f"{at}{error.message}"
 

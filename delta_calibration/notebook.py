@@ -377,7 +377,7 @@ def _rows(robot: Robot, targets: Any) -> list[Row]:
         for number, line in enumerate(lines, 1)
     ]
     if not rows:
-        raise InputError(f"{_SOURCE}: no points in it")
+        raise InputError(f"{_SOURCE}: contains no points")
     return rows
 
 

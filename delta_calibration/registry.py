@@ -57,13 +57,13 @@ class Registry(Mapping[str, type[Kind]], Generic[Kind]):
         """
         where = f"entry point {self._group}: {entry.name} = {entry.value}"
         if entry.name in self._own:
-            raise ConfigError(f"{where}: the package has a {entry.name} itself; use another name")
+            raise ConfigError(f"{where}: the package already has a {entry.name}; use another name")
         try:
             kind = entry.load()
         except Exception as error:  # whatever a foreign module does when it is imported
             raise ConfigError(f"{where}: cannot be loaded: {error}") from error
         if not (isinstance(kind, type) and issubclass(kind, self._base)):
-            raise ConfigError(f"{where}: is no class derived from {self._base.__name__}")
+            raise ConfigError(f"{where}: is not a class derived from {self._base.__name__}")
         name = getattr(kind, self._key, None)
         if name != entry.name:
             raise ConfigError(f"{where}: its {self._key} is {name!r}, not the entry's name")

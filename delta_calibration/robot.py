@@ -304,9 +304,7 @@ class Robot:
         kind = MECHANISMS[name]
         if not isinstance(self.dimensions, kind.Dimensions):
             fit = (n for n, k in MECHANISMS.items() if isinstance(self.dimensions, k.Dimensions))
-            raise ConfigError(
-                f"robot {self.name} is no {name}; models of it are: {', '.join(fit)}"
-            )
+            raise ConfigError(f"robot {self.name} is no {name}; possible models: {', '.join(fit)}")
         model = kind(self.dimensions, self.tolerances)
         joints = self.joints
         return model if joints.sign is None and joints.zero is None else model.driven(self.drives)
@@ -519,7 +517,7 @@ def _require_home(robot: Robot, data: Document) -> None:
     condition = float(model.condition(home[None], x, model.parameters.nominal)[0])
     if not condition < _SINGULAR:
         where = ", ".join(f"{factor * q:.6g}" for q in home)
-        how = "is singular" if np.isfinite(x).all() else "cannot be put together"
+        how = "is singular" if np.isfinite(x).all() else "cannot be assembled"
         raise ConfigError(
             f"{robot.source}: geometry: {_written(data['geometry'])}: a {robot.mechanism} of "
             f"these dimensions {how} at home ({model.home_is}), joints at {where} {unit}"

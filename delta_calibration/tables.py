@@ -77,7 +77,7 @@ def read_table(
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: {error}") from error
     if not rows:
-        raise InputError(f"{path}: no points in it")
+        raise InputError(f"{path}: contains no points")
     return rows
 
 
@@ -103,14 +103,14 @@ def require_columns(
         )
     twice = [name for name in (*columns, *optional) if found.count(name) > 1]
     if twice:
-        raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+        raise InputError(f"{path}: column {', '.join(twice)} is given twice")
 
 
 def _grouped(text: str) -> str:
     """Hint how to write a number with separators between its digits; empty for other texts."""
     if not any(c.isdigit() for c in text) or any(c.isalpha() for c in text):
         return ""
-    return "; decimals take a point, thousands take nothing: -1234.5"
+    return "; use a decimal point and no thousands separator: -1234.5"
 
 
 def _of_one_length(
@@ -122,6 +122,6 @@ def _of_one_length(
         if surplus:
             raise InputError(
                 f"{path}: line {reader.line_num}: {len(columns) + len(surplus)} values, but "
-                f"{len(columns)} columns; decimals take a point, not a comma"
+                f"{len(columns)} columns; use a decimal point, not a comma"
             )
         yield row

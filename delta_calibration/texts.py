@@ -30,7 +30,10 @@ def read_text(path: Path, kind: type[InputError] = InputError, most: int = MOST_
         raise kind(f"{path}: is in UTF-16; save it as UTF-8")
     if 0 in data:
         line = data.count(b"\n", 0, data.index(0)) + 1
-        raise kind(f"{path}: line {line}: a byte of zero; in UTF-16 or no text: save it as UTF-8")
+        raise kind(
+            f"{path}: line {line}: a zero byte; the file is in UTF-16 or is not a text: save it "
+            "as UTF-8"
+        )
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

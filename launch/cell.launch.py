@@ -53,26 +53,41 @@ ARGUMENTS: tuple[tuple[str, str, str, tuple[str, ...]], ...] = (
     ("robot", "srbd", "robot file, or the name of one that comes with the package", ()),
     ("calibration", "", "calibration file to start with; empty for none", ()),
     ("output", "", "calibration file that ~/save writes; empty: [NAMESPACE_]calibration.yaml", ()),
-    ("namespace", "", "of all nodes and topics, for a robot among several; empty for none", ()),
-    ("frame_prefix", AUTO, "before the names of frames; auto: the namespace and a slash", ()),
-    ("params_file", "", "YAML file of more parameters; what is an argument here goes first", ()),
-    ("method", "", "how corrections are found; empty: newton", ("", "apso", "newton", "table")),
+    ("namespace", "", "namespace of nodes and topics, one for each robot; empty for none", ()),
+    ("frame_prefix", AUTO, "prefix of the frame names; auto: the namespace and a slash", ()),
+    ("params_file", "", "YAML file with parameters; the arguments here take precedence", ()),
+    ("method", "", "how corrections are computed; empty: newton", ("", "apso", "newton", "table")),
     (
         "on_failure",
         "",
         "what is sent for a command that cannot be compensated; empty: pass_through",
         ("", "pass_through", "hold"),
     ),
-    ("command_timeout_s", "", "age [s] beyond which a command is not sent; empty: none", ()),
-    ("simulated", "true", "a simulated machine and tracker in place of real ones", SWITCH),
-    ("seed", "0", "of the simulated machine: another one for each", ()),
-    ("effects", "['none']", "hidden in the simulated machine: \"['backlash:strength=1']\"", ()),
-    ("record", "false", "record what is commanded and measured", SWITCH),
+    ("command_timeout_s", "", "largest age [s] of a command that is sent; empty: no limit", ()),
+    ("simulated", "true", "simulate the machine and the tracker", SWITCH),
+    ("seed", "0", "seed of the simulated machine", ()),
+    (
+        "effects",
+        "['none']",
+        "causes of error in the simulated machine: \"['backlash:strength=1']\"",
+        (),
+    ),
+    ("record", "false", "record commands and measurements", SWITCH),
     ("session", "", "folder to record to, which must not exist; empty: [NAMESPACE_]session", ()),
-    ("plan", "", "plan or CSV file of points to drive through, once; empty for none", ()),
-    ("play", "", "session to be shown in place of a cell; empty for none", ()),
-    ("rviz", AUTO, "RViz with config/cell.rviz; auto: if it is there", (AUTO, *SWITCH)),
-    ("foxglove", "false", "foxglove_bridge (port 8765), for config/cell.foxglove.json", SWITCH),
+    ("plan", "", "plan or CSV file of points that is run once; empty for none", ()),
+    ("play", "", "session to replay instead of running a cell; empty for none", ()),
+    (
+        "rviz",
+        AUTO,
+        "RViz with config/cell.rviz; auto: if installed and a display exists",
+        (AUTO, *SWITCH),
+    ),
+    (
+        "foxglove",
+        "false",
+        "start foxglove_bridge (port 8765) for config/cell.foxglove.json",
+        SWITCH,
+    ),
 )
 
 
@@ -136,14 +151,14 @@ def _asked(given: dict[str, str]) -> Cell:
     """
     namespace, prefix = given["namespace"].strip("/"), given["frame_prefix"]
     if namespace and not NAMESPACE.fullmatch(namespace):
-        raise _refusal(f"namespace: {namespace!r} is none; write letters, digits and _ only")
+        raise _refusal(f"namespace: {namespace!r} is not a valid name; use letters, digits and _")
     if prefix == AUTO:
         prefix = f"{namespace}/" if namespace else ""
     file, age = given["params_file"], given["command_timeout_s"]
     if file and not Path(file).is_file():
-        raise _refusal(f"params_file: {file} is no file")
+        raise _refusal(f"params_file: {file} is not a file")
     if age and not NUMBER.fullmatch(age):
-        raise _refusal(f"command_timeout_s: {age!r} is no time in seconds")
+        raise _refusal(f"command_timeout_s: {age!r} is not a time in seconds")
     return Cell(given, namespace, prefix)
 
 

@@ -117,9 +117,9 @@ def test_the_policy_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 @pytest.mark.parametrize("name", ["a b", "<x>", "1st", "a//b"])
 def test_a_name_that_ros_does_not_know_is_refused(name: str) -> None:
-    with pytest.raises(InputError, match="no name of ROS"):
+    with pytest.raises(InputError, match="not a valid ROS name"):
         rights((name,))
-    with pytest.raises(InputError, match="no name of ROS"):
+    with pytest.raises(InputError, match="not a valid ROS name"):
         policy(NODES, name)
 
 

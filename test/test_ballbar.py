@@ -175,7 +175,7 @@ def test_what_is_wrong_in_a_table_is_named(lines: list[str], tmp_path: Path) -> 
     refused(with_line(7, 2, "57.3"), "line 8: 3283.* degrees for joint_1; .*rad or m are expected")
     refused(lines[:30], "no circle in it", DataError)
     off = [lines[0], *(",".join((t, "500", *q)) for t, _, *q in (x.split(",") for x in lines[1:]))]
-    refused(off, "radius_mm: '500' is not allowed; the command goes round at 200.0 mm")
+    refused(off, "radius_mm: '500' is not allowed; the command has radius 200.0 mm")
     with pytest.raises(InputError, match="cannot be read"):
         read_ballbar(tmp_path / "none.csv", ROBOT)
 

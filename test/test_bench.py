@@ -98,7 +98,7 @@ def test_without_the_token_nothing_is_shown(stranger: TestClient, path: str) -> 
 def test_a_wrong_token_is_refused(stranger: TestClient) -> None:
     answer = stranger.get("/?token=wrong")
     assert answer.status_code == 403
-    assert "wrong" not in answer.text.replace("not, or no longer, right", "")
+    assert "wrong" not in answer.text.replace("not valid, or no longer valid", "")
     assert not answer.cookies
 
 
@@ -145,7 +145,7 @@ def test_what_changes_anything_comes_from_a_page_of_the_bench(
     answer = browser.post("/sessions", data={"key": bench.secrets.key}, headers=headers)
     assert (answer.status_code, answer.text) == (
         403,
-        "this was not asked from a page of this bench\n",
+        "this request does not come from a page of this bench\n",
     )
 
 
@@ -214,23 +214,27 @@ def lying() -> bytes:
 
 
 REFUSED: dict[str, tuple[str, bytes, str]] = {
-    "another kind": ("notes.pdf", b"%PDF", "none of what can be dropped here"),
-    "no ending": ("session", b"x", "none of what can be dropped here"),
+    "another kind": ("notes.pdf", b"%PDF", "is not a file that can be used here"),
+    "no ending": ("session", b"x", "is not a file that can be used here"),
     "empty": ("a.mcap", b"", "is empty"),
-    "too large": ("a.mcap", bytes(MOST + 1), "more than"),
-    "no zip": ("a.zip", b"PK but no zip", "no zip that can be read"),
-    "cut zip": ("a.zip", packed(("s/data.mcap", b"x" * 999))[:-30], "no zip that can be read"),
+    "too large": ("a.mcap", bytes(MOST + 1), "limit of"),
+    "no zip": ("a.zip", b"PK but no zip", "is not a readable zip file"),
+    "cut zip": ("a.zip", packed(("s/data.mcap", b"x" * 999))[:-30], "is not a readable zip file"),
     "nothing in it": ("a.zip", packed(("s/readme.md", b"x")), "no .mcap or .db3 file"),
     "two recordings": ("a.zip", packed(("s/a.mcap", b"x"), ("t/b.mcap", b"x")), "in 2 folders"),
-    "unpacks too large": ("a.zip", packed(("s/data.mcap", bytes(2 * MOST))), "more than"),
-    "list that lies": ("a.zip", lying(), "unpacked: .* more than|no zip that can be read"),
+    "unpacks too large": ("a.zip", packed(("s/data.mcap", bytes(2 * MOST))), "limit of"),
+    "list that lies": ("a.zip", lying(), "unpacked: .* limit|is not a readable zip file"),
     "too many files": ("a.zip", packed(*((f"s/{k}.mcap", b"x") for k in range(201))), "201 files"),
-    "up and out": ("a.zip", packed(("../../x.mcap", b"x")), "leads out of the folder"),
-    "out, beside": ("a.zip", packed(("s/a.mcap", b"x"), ("s/../../y", b"x")), "leads out"),
-    "from the root": ("a.zip", packed(("/tmp/x.mcap", b"x")), "leads out of the folder"),
-    "another system's": ("a.zip", packed(("c:/x.mcap", b"x")), "leads out of the folder"),
+    "up and out": ("a.zip", packed(("../../x.mcap", b"x")), "lies outside the folder"),
+    "out, beside": (
+        "a.zip",
+        packed(("s/a.mcap", b"x"), ("s/../../y", b"x")),
+        "outside the folder",
+    ),
+    "from the root": ("a.zip", packed(("/tmp/x.mcap", b"x")), "lies outside the folder"),
+    "another system's": ("a.zip", packed(("c:/x.mcap", b"x")), "lies outside the folder"),
     "a link": ("a.zip", with_link(), "is a link or a device"),
-    "a password": ("a.zip", locked(), "is locked by a password"),
+    "a password": ("a.zip", locked(), "is protected by a password"),
     "odd name": ("a.zip", packed(("s/a b\n.mcap", b"x")), "letters, digits"),
 }
 
@@ -293,8 +297,8 @@ def test_a_table_is_never_taken_for_a_file_of_the_bench(tmp_path: Path, name: st
 @pytest.mark.parametrize(
     ("fields", "why"),
     [
-        ({"robot": "../../etc/passwd"}, "none of those that come with this"),
-        ({}, "none of those that come with this"),
+        ({"robot": "../../etc/passwd"}, "not a robot of the package"),
+        ({}, "not a robot of the package"),
         ({"robot": "srbd", "machine": "a\nb"}, "one line"),
         ({"robot": "srbd", "machine": "x" * 300}, "one line"),
         ({"robot": "srbd", "preset": "no_such"}, "not known"),
@@ -465,7 +469,7 @@ def test_going_on_by_force_keeps_nothing(tmp_path: Path) -> None:
     forced = answered(case(state=ASKING, question="mistakes", machine="m"), "force")
     done, last = walk(forced, tmp_path, {})
     assert done == ["fit", "diagnose"]
-    assert "over a mistake" in last.said
+    assert "in spite of a mistake" in last.said
     assert "--force" in arguments(last, "diagnose", "h.sqlite")
 
 
@@ -487,9 +491,9 @@ def test_a_table_is_asked_about_and_a_wrong_mapping_again(tmp_path: Path) -> Non
 
 def test_a_question_is_answered_once() -> None:
     after = answered(case(state=ASKING, question="mistakes"), "stop")
-    with pytest.raises(MistakeError, match="answered already"):
+    with pytest.raises(MistakeError, match="already been answered"):
         answered(after, "mend")
-    with pytest.raises(InputError, match="is none to this question"):
+    with pytest.raises(InputError, match="is not one of the answers to this question"):
         answered(case(state=ASKING, question="columns"), "force")
 
 
@@ -508,7 +512,7 @@ def test_an_export_that_fails_takes_nothing_from_the_verdict(tmp_path: Path) -> 
     wanted = flow.wanted(case(state=DONE), "certificate", {})
     _, last = walk(wanted, tmp_path, {"certificate": 1})
     assert (last.state, last.said) == (DONE, "why")
-    with pytest.raises(MistakeError, match="is worked on"):
+    with pytest.raises(MistakeError, match="is being processed"):
         flow.wanted(case(state=WORKING, step="fit"), "c", {})
 
 

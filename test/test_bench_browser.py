@@ -250,7 +250,7 @@ def story(chrome: sync_api.Browser, server: Server, degrees: Path) -> Story:
 
 def test_a_doubt_is_asked_with_its_evidence_in_every_browser(story: Story) -> None:
     assert "Unit degrees in joint command: 57.2958 deg/rad" in story.question
-    assert "To mend it" in story.question
+    assert "Remedy: " in story.question
     assert story.elsewhere == story.question
 
 
@@ -359,7 +359,7 @@ def test_what_is_refused_is_told_where_it_was_dropped(
     drag(page, "a.zip", (tmp_path / "a.zip").read_bytes())
     page.select_option("#robot", "srbd")
     page.click("form.drop button")
-    page.wait_for_selector(".sent.problem:has-text('leads out of the folder')")
+    page.wait_for_selector(".sent.problem:has-text('lies outside the folder')")
     (tmp_path / "large.mcap").write_bytes(bytes(21 << 20))
     page.set_input_files("#files", tmp_path / "large.mcap")
     page.click("form.drop button")

@@ -225,7 +225,7 @@ def test_a_file_by_the_hash_of_the_whole_robot_file_is_read(written):
     [
         ("", "found nothing"),
         ("[1, 2", "not valid YAML: line 1, column "),
-        ("\0\0\0\0", "a byte of zero; in UTF-16 or no text"),
+        ("\0\0\0\0", "a zero byte; the file is in UTF-16"),
         ("words", "found str"),
         ("schema: 1\n", "missing key robot, model, "),
         ("schema: 2\n", "schema: 2 is not allowed; it must be 1"),
@@ -255,7 +255,7 @@ def test_parameters_of_another_model_are_refused_though_the_seal_fits(written):
 
     assert "arm_1, gap_1" in refusal(sealed(written, renamed))
     sealed(written, lambda data: data["parameters"][6].update(name="arm_1"))
-    assert "parameters: not those of model 'rotary_delta': their order" in refusal(
+    assert "parameters: do not belong to model 'rotary_delta': their order" in refusal(
         sealed(written, swapped)
     )
     assert "model: no mechanism 'scara'; there are: " in refusal(

@@ -79,12 +79,12 @@ def test_a_frame_of_its_own_stops_drives_points_right_in_it() -> None:
 def test_what_a_camera_cannot_do_is_refused() -> None:
     machine = draw_machine(SCARA, 1)
     joint = frame_joints(SCARA, 4)
-    with pytest.raises(DataError, match="3 stops; 4 lay a camera's frame"):
+    with pytest.raises(DataError, match="3 stops; the frame of a camera needs 4"):
         CameraFrame.on(SCARA, SIGHT, joint[:3], np.zeros((3, 2)))
     delta = load_robot("srbd")
     with pytest.raises(InputError, match=r"robot srbd: its joints command 3 .* one image shows 2"):
         Positioning(delta, np.array([[0.0, 0.0, -0.75]]), lattice(delta), 2, 5, 12, SIGHT)
-    with pytest.raises(DataError, match="needs stops off one line"):
+    with pytest.raises(DataError, match="needs stops that do not lie on one line"):
         CameraFrame.on(SCARA, SIGHT, np.tile(joint[0], (5, 1)), np.full((5, 2), 700.0))
     with pytest.raises(ConfigError, match="robot ur10: its file has no camera"):
         CameraOver.hung(draw_machine(load_robot("ur10"), 1), 1)

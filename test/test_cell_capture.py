@@ -98,7 +98,7 @@ def test_a_probe_gives_poses_and_points_among_them_are_told() -> None:
     session = capture.session("x")
     np.testing.assert_array_equal(session.tracker.quaternion, [UPRIGHT])
     np.testing.assert_array_equal(session.tracker.position, [POINT])
-    assert any("1 tracker messages of another kind" in note for note in session.notes)
+    assert any("1 tracker messages of the other kind" in note for note in session.notes)
 
 
 def test_time_going_backwards_is_told() -> None:

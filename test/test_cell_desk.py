@@ -322,7 +322,7 @@ def test_few_places_are_fitted_with_what_the_history_says(kept_in: dict[str, str
     feed(desk, few)
     said = desk.take(*desk.prepare_fit()())
     assert "carried over from 1 session (20231114_221320" in said
-    assert "nothing changed since" in said
+    assert "shows no change since then" in said
     assert "added to the history of m as 20231115" in said
     fresh = CalibrationSession(Settings("srbd", model=FAST, **{**kept_in, "machine": "other"}))
     feed(fresh, few)
@@ -345,7 +345,7 @@ def test_a_whole_session_is_fitted_with_the_history_where_told_to(
     said = desk.take(*desk.prepare_fit()())
     assert "fitted without the history of m: " in said
     assert "added to the history of m as 20231116" in said
-    with pytest.raises(InputError, match="parameter history_update: wants a history"):
+    with pytest.raises(InputError, match="parameter history_update: needs the parameter history"):
         CalibrationSession(Settings("srbd", update=True))
 
 

@@ -87,7 +87,7 @@ def test_a_tracker_that_lays_no_frame_ends_it() -> None:
     work = Positioning(ROBOT, targets(1, 2), lattice(ROBOT), 2, 10, 4)
     for _ in range(3):
         work.tell(PLACE)
-    with pytest.raises(DataError, match="a frame needs points off one line"):
+    with pytest.raises(DataError, match="a frame needs points that do not lie on one line"):
         work.tell(PLACE)
     assert not work.done
 
@@ -174,7 +174,7 @@ def test_the_mean_is_of_the_readings_after_it_came_to_rest() -> None:
     stop.joints(TOLD + 2e-4 * np.array([0.0, 1.0, 0.0]))
     stop.reading(PLACE)  # moving: does not count
     assert stop.mean is None
-    assert "joint_2 stands at 0.200200 rad but was commanded to 0.200000" in stop.trouble
+    assert "joint_2 is at 0.200200 rad but was commanded to 0.200000" in stop.trouble
     stop.joints(TOLD + 5e-5)
     assert stop.trouble == "no tracker readings"
     stop.reading(PLACE + 2e-4 * ALONG)  # still oscillating
@@ -219,4 +219,4 @@ def test_a_noisier_tracker_may_spread_more() -> None:
 def test_where_a_sliding_joint_stands_is_said_in_its_unit():
     stop = StopDetector(NAMES, TOLD, 1e-4, 3, ROBOT.tracker, unit="m")
     stop.joints(TOLD + 0.01)
-    assert re.search(r"stands at \S+ m but was commanded to", stop.trouble)
+    assert re.search(r"is at \S+ m but was commanded to", stop.trouble)

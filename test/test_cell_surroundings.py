@@ -122,7 +122,7 @@ def test_no_peer_fills_memory_with_names_of_parts() -> None:
     around = Surroundings(1)
     for k in range(MOST_PARTS):
         around.is_warm(f"part {k}", 20.0, 0.0)
-    with pytest.raises(InputError, match="no more are kept"):
+    with pytest.raises(InputError, match="which is the limit"):
         around.is_warm("another", 20.0, 0.0)
     around.is_warm("part 7", 25.0, 1.0)
     assert len(around.known(1.0).parts) == MOST_PARTS

@@ -201,9 +201,9 @@ def test_a_calibration_that_wants_a_load_waits_until_it_is_known(
 
 
 def test_what_cannot_be_watched_is_refused(calibration: Calibration) -> None:
-    with pytest.raises(InputError, match="does not say how uncertain it is; fit again"):
+    with pytest.raises(InputError, match="does not contain its uncertainty; fit again"):
         Vigil(replace(calibration, uncertainty=None), 0.1)
-    with pytest.raises(InputError, match="false alarms: 11 a month is not allowed; 0 to 10"):
+    with pytest.raises(InputError, match="false alarms: 11 per month is not allowed; 0 to 10"):
         Vigil(calibration, 11.0)
 
 
@@ -237,9 +237,9 @@ def test_streams_are_judged_a_batch_at_a_time(
     watchman.watch(calibration)
     feed(watchman, sound, 0.0)
     look(watchman, EVERY_S - 1)
-    assert watchman.values["watch stops looked at"] == 0
+    assert watchman.values["watch stops examined"] == 0
     look(watchman, EVERY_S)
-    assert watchman.values["watch stops looked at"] == len(plan)
+    assert watchman.values["watch stops examined"] == len(plan)
     assert watchman.trouble == ""
     assert watchman.values["watch"] == "as calibrated"
     bent = visited(changed(machine, "arm_2", 3e-4), robot, SEED, 9)

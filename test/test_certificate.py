@@ -230,11 +230,11 @@ def test_a_calibration_of_before_is_refused(
         ("ambient: {temperature_c: warm}", "ambient.temperature_c: 'warm' is not allowed"),
         ("tolerance_mm: .nan", "tolerance_mm"),
         ("measured_on: 24.11.2026", "measured_on: '24.11.2026' is not allowed; a date such as"),
-        ("measured_on: 2026-02-30", "measured_on: '2026-02-30' is no day of the calendar"),
+        ("measured_on: 2026-02-30", "measured_on: '2026-02-30' is not a date of the calendar"),
         ("instrument: {valid_until: soon}", "'soon' is not allowed; a date such as 2027-03-31"),
         (
             "instrument: {valid_until: 2027-02-29}",
-            "instrument.valid_until: '2027-02-29' is no day",
+            "instrument.valid_until: '2027-02-29' is not a date",
         ),
         ("machine: {serial: 17}", "machine.serial: 17 is not allowed; a text is expected; put it"),
     ],

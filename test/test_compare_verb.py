@@ -171,7 +171,7 @@ def test_compare_refuses_what_cannot_be_compared(
 ) -> None:
     for arguments, said in (
         ([str(verdicts[0]), "x.yaml"], "files of one kind"),
-        (["x.yaml"], "name two or more"),
+        (["x.yaml"], "at least two"),
         (["x.yaml", "y.yaml"], "--robot"),
         (["x.yaml", "y.yaml", "--robot", "srbd"], "x.yaml: cannot be read"),
     ):

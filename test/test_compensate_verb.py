@@ -132,7 +132,7 @@ def test_columns_of_a_plan_are_said_to_be_left_out(cell, capsys):
     order = [str(cell / "plan.csv") if "targets" in a else a for a in arguments(cell, "plain")]
     assert run(order) == 0
     said = capsys.readouterr().err
-    assert "plan.csv: not used: direction, payload_kg (of a plan)" in said
+    assert "plan.csv: not used: direction, payload_kg (columns of a plan)" in said
 
 
 def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
@@ -149,8 +149,11 @@ def test_what_the_margin_leaves_is_said_of_every_point(cell, capsys):
     assert "margin.csv: 12 of 13 points are in the margin outside the calibrated region" in said[0]
     with (cell / "plain.csv").open() as file:
         left = [float(row["error_mm"]) for row in csv.DictReader(file)]
-    assert said[1] == f"  point 2: 50 % of its correction, {left[1]:.3f} mm left by the model"
-    assert said[2] == f"  point 3: 10 % of its correction, {left[2]:.3f} mm left by the model"
+    for k, share in ((1, 50), (2, 10)):
+        expected = (
+            f"  point {k + 1}: {share} % of its correction, remaining error {left[k]:.3f} mm"
+        )
+        assert said[k] == f"{expected} according to the model"
     assert said[-1] == f"  and 2 more: error_mm in {cell / 'plain.csv'}"
     # The remaining error is the error without a correction, in proportion.
     joint = nominal_joints(ROBOT, np.array([half, late]))

@@ -250,16 +250,16 @@ def test_it_is_checked_by_a_schema_that_is_given(
     (folder / "si" / "units.xsd").write_text(INNER, encoding="utf-8")
     option = ("--dcc-schema", str(folder))
     assert certificate(cell, "about.yaml", *option) != 0
-    assert "no schema of https://ptb.de/dcc" in capsys.readouterr().err
+    assert "contains no schema of https://ptb.de/dcc" in capsys.readouterr().err
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "2"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) == 0
     assert "valid according to the schema" in capsys.readouterr().out
     (folder / "dcc.xsd").write_text(OUTER.replace("FEWEST", "3"), encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) != 0
-    assert "not as" in capsys.readouterr().err
+    assert "does not conform to" in capsys.readouterr().err
     (folder / "dcc.xsd").write_text("<xs:schema", encoding="utf-8")
     assert certificate(cell, "about.yaml", *option) != 0
-    assert "no XML" in capsys.readouterr().err
+    assert "not XML" in capsys.readouterr().err
 
 
 def test_it_says_that_it_was_not_checked(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -618,11 +618,11 @@ def test_play_that_weight_holds_shut_is_said_to_be_a_zero(evidence) -> None:
     assert "backlash held by weight" not in reasons(evidence)  # at its edges an arm is lifted
     told = reasons(measured(radius=0.15))["backlash held by weight"]
     assert told.between == ("backlash held by weight", "joint_zero_offset")
-    assert told.because.startswith("weight turns every joint the same way at all poses")
+    assert told.because.startswith("the torque of the weight on every joint has the same sign")
     assert "balanced" in told.next
     hanging, lifted = np.zeros(3), np.array([1.2, 0.0, 0.0])  # [rad] one arm past the vertical
     because = backlash.disguised(loaded(np.stack([hanging, lifted])))[2]
-    assert because.startswith("weight turns joints joint_2, joint_3 the same way at all poses")
+    assert because.startswith("the torque of the weight on joints joint_2, joint_3 has")
     assert backlash.disguised(loaded(np.stack([lifted, lifted[[1, 0, 2]], lifted[::-1]]))) is None
     assert backlash.disguised(at_rest(hanging[None])) is None  # the payload is not known
 

@@ -292,7 +292,7 @@ def test_a_play_is_crossed_over_its_gap_and_never_over_less_than_nothing() -> No
 @pytest.mark.parametrize(
     ("cause", "settings", "named"),
     [
-        ("gremlins", {}, "no effect 'gremlins'; there are: tracker_scale, "),
+        ("gremlins", {}, "no effect 'gremlins'; choose from: tracker_scale, "),
         ("transmission_error", {"cycle": 33.0}, "transmission_error: unknown setting cycle; all"),
         ("joint_scale", {"gap": 1.0, "a": 2.0}, "unknown setting a, gap; allowed: none"),
         ("tracker_drift", {"robot": 1.0}, "setting robot; allowed: time_constant, step_at"),

@@ -199,7 +199,7 @@ def test_effects_take_part_in_points(files, tmp_path, capsys):
         ("srbd", "urdf", "a.urdf", ["--prefix", "a_"], "--prefix is for --format c, not urdf"),
         ("srbd", "c", "machine.c", ["--payload", "1"], "--payload is for --format csv, not c"),
         ("srbd", "csv", "a.csv", [], "--format csv needs --points"),
-        ("srbd", "dh", "a.yaml", [], "is a rotary_delta; tables"),
+        ("srbd", "dh", "a.yaml", [], "is a rotary_delta; DH tables"),
         ("cdpr8", "csv", "a.csv", ["--points", "no.csv"], "8 joints command 6 coordinates"),
         ("srbd", "csv", "a.csv", ["--points", "no.csv"], "no.csv: cannot be read"),
         ("srbd", "urdf", "no/a.urdf", [], "does not exist"),

@@ -179,7 +179,7 @@ def test_a_killed_worker_and_a_stop_lose_nothing_and_write_nothing_twice(
     assert sorted(kept) == ALL
     verb = ["fleet", str(folder), "--robot", "srbd", "--scheduler", address]
     assert run_verb([*verb, "--store", store_file, "--quick", "--no-changes"]) == 0
-    assert "0 sessions added, 8 there already, 0 failed" in capsys.readouterr().out
+    assert "0 sessions added, 8 already there, 0 failed" in capsys.readouterr().out
 
 
 def test_sessions_in_memory_are_fitted_compared_and_not_done_again(
@@ -241,7 +241,7 @@ def test_what_was_changed_or_is_of_another_robot_is_no_result(
         run(client, machines(mine), ledger, ONCE, changed)
         run(client, machines_in(str(mine), robot_file("linear_delta")), ledger, ONCE, other)
         assert len(store.sessions("a")) == 1
-    assert "another session of machine 'a' has its name" in str(changed.of(Failure)[0])
+    assert "machine 'a' has another session of this name" in str(changed.of(Failure)[0])
     assert "another robot, or its file was changed" in str(other.of(Failure)[0])
 
 
@@ -291,7 +291,7 @@ def test_sessions_of_few_places_wait_for_the_others(
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda folder: folder.mkdir(), "no machine in it"),
+        (lambda folder: folder.mkdir(), "contains no machine"),
         (lambda folder: (folder / "a" / "day").mkdir(parents=True), "'a' has no robot.yaml"),
         (lambda folder: None, "neither a folder of machines nor a history"),
     ],

@@ -178,7 +178,7 @@ def test_the_page_tells_states_visits_and_failures(tmp_path: Path) -> None:
     assert page.sentence == "1 of 3 machines is fine; 1 drifted and 1 with a cause."
     told = {statement.question: statement.answer for statement in page.statements}
     assert told["What to visit first"].startswith("press_3 (backlash at joint 2 changed")
-    assert told["What machines share"] == "Nothing that chance would not explain."
+    assert told["What machines share"] == "Nothing beyond what chance explains."
     assert told["What could not be used"].startswith("2 sessions; no result at all of press_4")
     rows = {table.name: table.rows for table in page.tables()}
     assert [row[0] for row in rows["visits"]] == ["press_3", "press_2"]

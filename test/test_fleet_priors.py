@@ -94,7 +94,7 @@ def test_what_no_session_shows_keeps_the_tolerance() -> None:
     found = estimate(nothing)
     np.testing.assert_allclose(found.population.mean, 0.0, atol=1e-9)
     np.testing.assert_allclose(found.population.spread, 1.0)
-    with pytest.raises(DataError, match="4 machines of this type; priors need 5"):
+    with pytest.raises(DataError, match="4 machines of this type; priors need at least 5"):
         estimate(Likelihood(nothing.information[:4], nothing.along[:4]))
 
 

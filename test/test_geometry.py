@@ -120,5 +120,5 @@ def test_align_refuses_what_leaves_a_turn_free():
     with pytest.raises(DataError, match="3 points or more, found 2"):
         align(spread[:2], spread[:2])
     for source, target in ((line, line), (line, spread), (spread, line), (spread, 0 * spread)):
-        with pytest.raises(DataError, match="points off one line"):
+        with pytest.raises(DataError, match="points that do not lie on one line"):
             align(source, target)

@@ -172,7 +172,7 @@ def test_what_cannot_be_added_is_refused(
     assert "another robot, or its file was changed" in capsys.readouterr().err
     nowhere = ["history", "list", "--store", str(tmp_path / "none.sqlite")]
     assert run(nowhere) == 2
-    assert "no history there" in capsys.readouterr().err
+    assert "no history found" in capsys.readouterr().err
     assert run(["history", "changes", "--machine", "x", "--store", str(folder / "h.sqlite")]) == 2
     assert "no machine 'x'; there are: press_3" in capsys.readouterr().err
 
@@ -193,8 +193,8 @@ def test_a_diagnosis_that_was_made_is_kept_as_it_is(
     capsys.readouterr()
     for day, options, why in (
         (2, known, "was made from other poses"),
-        (2, known[:2], "go together"),
-        (2, [*known, "--quick"], "makes no verdict"),
+        (2, known[:2], "must be given together"),
+        (2, [*known, "--quick"], "stores no verdict"),
         (2, [*known[:2], "--calibration", str(tmp_path / "none.yaml")], "none.yaml"),
     ):
         assert run([*add(folder, day, "press_4"), *options]) == 2
@@ -219,7 +219,7 @@ def test_a_bag_that_moved_or_changed_is_told(
         str(tmp_path / "h.sqlite"),
     ]
     assert run(show) == 2
-    assert "is not at" in capsys.readouterr().err
+    assert "is no longer at" in capsys.readouterr().err
     assert run(add(tmp_path, 9)) == 0  # the same recording at its new path
     assert run(show) == 0
     (tmp_path / "day_9" / "more.txt").write_text("x", encoding="utf-8")

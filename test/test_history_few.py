@@ -155,8 +155,9 @@ def test_few_places_are_added_by_the_verb(
 
     store = ["--machine", "m", "--store", str(folder / "h.sqlite")]
     assert run(add(folder, [2])) == 1
-    assert "first session needs 12 different poses at rest or more, and this one has 6" in (
-        capsys.readouterr().err
+    assert (
+        "first session of a machine needs at least 12 different poses at rest, but this one has 6"
+        in (capsys.readouterr().err)
     )
     assert run(add(folder, [0, 1], "--quick")) == 0
     capsys.readouterr()
@@ -184,7 +185,7 @@ def test_few_places_are_added_by_the_verb(
     assert run(["history", "changes", *store]) == 0
     assert "and day_2 (2023-11-16) the arm length of joint 3" in capsys.readouterr().out
     assert run(["history", "list", *store]) == 0
-    assert "update: fitted with what the history says" in capsys.readouterr().out
+    assert "update: fitted with the results of the history" in capsys.readouterr().out
 
 
 def test_a_whole_session_may_be_an_update_too(

@@ -132,7 +132,7 @@ def test_a_newer_store_is_refused(url: str, monkeypatch: pytest.MonkeyPatch) -> 
         pass
     now = history_store.VERSION
     monkeypatch.setattr(history_store, "VERSION", now - 1)
-    newer = f"a history of version {now}, and this program knows {now - 1}"
+    newer = f"a history of version {now}, but this program supports {now - 1}"
     with pytest.raises(InputError, match=newer), open_store(url):
         pass
 

@@ -82,7 +82,7 @@ def test_only_what_clearly_drifts_is_told() -> None:
     walk, _ = walked(np.random.default_rng(0), 12, (0.0, 0.2))
     assert [name for name, _ in walk.learnt().clear()] == ["b"]
     told = History(("a", "b"), (), np.zeros(2), np.zeros(2), (("arm_length", 0.031),))
-    assert told.sentences()[1].endswith("from one day to the next: arm length by 3.1 %")
+    assert told.sentences()[1].endswith("fraction of the tolerance: arm length by 3.1 %")
 
 
 def test_smoothing_is_what_all_numbers_at_once_give() -> None:
@@ -219,7 +219,7 @@ def test_what_changed_is_seen_by_few_poses_and_not_carried_over(
 def test_a_session_before_all_others_has_no_history(robot: Robot, old: list[Dated]) -> None:
     with pytest.raises(DataError, match="no session in the history began before this one"):
         prospect(old[1:], robot, old[0])
-    with pytest.raises(DataError, match="no session in the history; an update needs 1"):
+    with pytest.raises(DataError, match="no session in the history; an update needs at least one"):
         prospect([], robot)
 
 
@@ -267,7 +267,7 @@ def test_a_plan_to_update_and_its_fit_go_by_the_store(
     assert run(["fit", str(tmp_path / "new"), *store, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "carried over from 2 sessions (day_0 to day_1): geometry" in said
-    assert "nothing changed since that this session could show" in said
+    assert "this session shows no change since then" in said
     assert run(["fit", str(tmp_path / "new"), "--robot", "srbd"]) == 1  # too few without history
     assert "6 different poses at rest, 12 or more are needed" in capsys.readouterr().err
 
@@ -275,10 +275,10 @@ def test_a_plan_to_update_and_its_fit_go_by_the_store(
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["plan", "--update", "--robot", "srbd"], "--update and --machine go together"),
+        (["plan", "--update", "--robot", "srbd"], "--update and --machine must be given together"),
         (["plan", "--identify"], "give --robot, or --machine of a history"),
         (["plan", "--identify", "--update"], "give one of --name, --identify, --update"),
-        (["plan", "--update", "--machine", "m"], "no history there"),
+        (["plan", "--update", "--machine", "m"], "no history found"),
     ],
 )
 def test_what_cannot_be_updated_is_said(

@@ -192,7 +192,7 @@ def test_another_robot_is_refused_wherever_a_fit_would_put_the_reflector():
         (lambda p: {"joint": np.degrees(p.joint)}, "out of the robot's reach|units different"),
         (lambda p: {"joint": -p.joint}, "another robot"),
         (lambda p: {"joint": p.joint[:, [1, 0, 2]]}, "another robot"),
-        (lambda p: {"point": 0 * p.point}, "points off one line"),
+        (lambda p: {"point": 0 * p.point}, "points that do not lie on one line"),
     ],
     ids=["millimetres", "degrees", "sign", "order", "zeros"],
 )

@@ -28,14 +28,14 @@ TABLES = {
     "thousands": (
         wrong_cell(0, "x", "1,234.5"),
         {},
-        "'1,234.5' is not a finite number; decimals take a point, thousands take nothing: -1234.5",
+        "'1,234.5' is not a finite number; use a decimal point and no thousands separator: ",
     ),
     "text": (wrong_cell(0, "q2", "12,5"), {}, "line 2: q2: '12,5' is not a finite number"),
     "infinite": (wrong_cell(0, "q2", "inf"), {}, "line 2: q2: 'inf' is not a finite number"),
     "twice": (
         lambda head, rows: rows.insert(4, rows[3]),
         {},
-        "and all else in it repeats line 5 to the last digit; `repeated: skip`",
+        "and the rest of this row repeats line 5 to the last digit; `repeated: skip`",
     ),
     "one value in m": (
         lambda head, rows: rows[7].__setitem__(3, repr(float(rows[7][3]) / 1e3)),
@@ -147,7 +147,7 @@ def test_times_have_to_rise(cell, capsys):
         return [[t, *row] for t, row in zip(times, rows, strict=False)]
 
     said = refused(capsys, folder, head, at([1, 2, 4, 3, 5]), timed)
-    assert "line 5: t: '3' is before that of line 4, '4'; rows have to be in the order" in said
+    assert "line 5: t: '3' is before that of line 4, '4'; rows must be in order" in said
     said = refused(capsys, folder, head, at([1, 2, 2, 3]), timed)
     assert "line 4: t: '2' is the same as line 3, '2'" in said
     said = refused(capsys, folder, head, at([1, 2, -3]), timed)
@@ -190,7 +190,7 @@ def test_repeats_of_another_command_and_impossible_marks(cell, capsys):
     text = said("kg", [1, -1] * n, payload={"column": "kg", "unit": "kg"})
     assert "line 3: kg: '-1' is negative" in text
     warm = [{"part": "arm", "column": "T", "unit": "K"}]
-    assert "likely another of degC, degF, K" in said("T", [21.5] * n, temperature=warm)
+    assert "likely in another unit (degC, degF, K)" in said("T", [21.5] * n, temperature=warm)
 
 
 def test_no_row_at_rest(cell, capsys):
@@ -210,7 +210,7 @@ def test_a_header_with_blanks_behind_its_names(cell, capsys):
     imported(folder, blanks, rows, mapping_of())
     said = {"position": {"columns": ["x ", "y ", "z "], "unit": "mm"}}
     imported(folder, blanks, rows, mapping_of(**said))
-    assert "column q1 is there twice" in refused(
+    assert "column q1 is given twice" in refused(
         capsys, folder, [*blanks, "q1"], [[*row, "0"] for row in rows], mapping_of()
     )
 
@@ -225,7 +225,7 @@ def test_a_table_with_another_delimiter(cell, capsys):
 
 ENCODINGS = {
     "utf-16": "is in UTF-16; save it as UTF-8",
-    "utf-16-le": "line 1: a byte of zero; in UTF-16 or no text: save it as UTF-8",
+    "utf-16-le": "line 1: a zero byte; the file is in UTF-16 or is not a text: save it as",
     "latin-1": "line 1: byte 0xe4 is not UTF-8; the file is in another encoding, such as Latin-1",
 }
 
@@ -245,19 +245,19 @@ def test_other_encodings_of_a_mapping_are_named(cell, capsys, encoding):
 MAPPINGS = {
     "a column of two axes": (
         {"position": {"columns": ["x", "y", "x"], "unit": "mm"}},
-        "position.columns[2]: column 'x' is already that of position.columns[0]; each has its own",
+        "position.columns[2]: column 'x' is already used for position.columns[0]; each",
     ),
     "a column of two joints": (
         {"commands": [{"joint": f"joint_{k}", "column": "q1", "unit": "deg"} for k in (1, 2, 3)]},
-        "commands: joint_2: column 'q1' is already that of commands: joint_1",
+        "commands: joint_2: column 'q1' is already used for commands: joint_1",
     ),
     "a joint that is a coordinate": (
         {"position": {"columns": ["x", "q2", "z"], "unit": "mm"}},
-        "position.columns[1]: column 'q2' is already that of commands: joint_2",
+        "position.columns[1]: column 'q2' is already used for commands: joint_2",
     ),
     "a part's temperature twice": (
         {"temperature": [{"part": "arm", "column": c, "unit": "degC"} for c in ("t1", "t2")]},
-        "temperature: part 'arm' is there twice; one column a part",
+        "temperature: part 'arm' is given twice; one column per part",
     ),
     "scale of nothing": (
         {

@@ -30,7 +30,7 @@ def test_a_block_that_was_pasted_twice(cell, capsys, digits):
     said = refused(capsys, folder, head, [*rows, *rows], mapping_of())
     assert f"lines {n + 2} to {2 * n + 1} repeat lines 2 to {n + 1} to the last digit" in said
     assert ".csv: lines" in said
-    assert "`repeated: skip` in the mapping leaves them out, `keep` believes them" in said
+    assert "`repeated: skip` in the mapping leaves them out, `keep` uses them" in said
 
 
 def test_numbers_written_otherwise_are_the_same_numbers(cell, capsys):

@@ -149,7 +149,7 @@ def test_joints_of_another_sign_or_swapped(cell, capsys):
     _, _, table = cell
     reversed_, swapped = table.copy(), table.copy()
     reversed_[:, 0] *= -1
-    assert "likely q1 of the other sign (`scale: -1`)" in said(capsys, cell, reversed_)
+    assert "likely q1 with the opposite sign (`scale: -1`)" in said(capsys, cell, reversed_)
     swapped[:, [0, 1]] = table[:, [1, 0]]
     assert "q1 and q2 swapped" in said(capsys, cell, swapped)
 

@@ -84,7 +84,7 @@ def test_decimal_commas_are_not_guessed(cell, tmp_path, capsys) -> None:
     _, _, poses = cell
     path = write(tmp_path / "t.csv", german(poses))
     _, said = bring(path, mapping_of(delimiter=";"), capsys, 2)
-    assert "is not a finite number; decimals take a point, thousands take nothing" in said
+    assert "is not a finite number; use a decimal point and no thousands" in said
     assert "in the mapping: `table: {decimal: ','}`" in said
     other = {"delimiter": ",", "table": {"decimal": ","}}
     _, said = bring(path, mapping_of(**other), capsys, 2)
@@ -118,17 +118,17 @@ def test_a_workbook_is_read(cell, plain, tmp_path, capsys) -> None:
     same(found, plain)
     assert "the column names were found in line 3" in said
     _, said = bring(path, mapping_of(table={"sheet": "Mess"}), capsys, 2)
-    assert "no sheet 'Mess'; there are: ['Sheet', 'Messung']" in said
+    assert "no sheet 'Mess'; choose from: ['Sheet', 'Messung']" in said
     path.write_bytes(path.read_bytes()[:500])
     _, said = bring(path, mapping_of(), capsys, 2)
-    assert "is no workbook (xlsx)" in said
+    assert "is not a workbook (xlsx)" in said
 
 
 def test_a_sheet_of_a_text_is_refused(cell, tmp_path, capsys) -> None:
     head, rows = stops(cell[2])
     path = write(tmp_path / "t.csv", [",".join(head), *(",".join(row) for row in rows)])
     _, said = bring(path, mapping_of(table={"sheet": "Run 1"}), capsys, 2)
-    assert "t.csv: sheet 'Run 1' of the mapping: it is a text, no workbook" in said
+    assert "t.csv: sheet 'Run 1' of the mapping: the file is a text, not a workbook" in said
 
 
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused(tmp_path, capsys) -> None:
@@ -176,7 +176,7 @@ def test_columns_without_names_and_comments(cell, plain, tmp_path, capsys) -> No
     same(found, plain)
     table = {"columns": head, "header_line": 1}
     _, said = bring(path, mapping_of(table=table), capsys, 2)
-    assert "header_line goes with names in the file" in said
+    assert "header_line is for files that contain the column names" in said
 
 
 # --- two files
@@ -319,7 +319,7 @@ def test_rotations_in_any_form(cell, tmp_path, capsys, form) -> None:
         bad = [",".join([*row, *["1"] * 9]) for row in rows]
         path = write(tmp_path / "b.csv", [",".join([*head, *names]), *bad])
         _, said = bring(path, mapping, capsys, 2)
-        assert "make no rotation matrix" in said
+        assert "do not form a rotation matrix" in said
 
 
 PLACES = np.array([[0.0, 0.0, 0.0], [60.0, 0.0, 10.0], [0.0, 55.0, -5.0], [-40.0, -35.0, 0.0]])
@@ -365,10 +365,10 @@ def test_several_reflectors_tell_the_turn_of_the_platform(cell, tmp_path, capsys
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"reflectors": None}, "position.place_mm goes with reflectors beside it"),
+        ({"reflectors": None}, "position.place_mm needs further reflectors"),
         (
             {"rotation": {"columns": ["a", "b", "c"], "form": "rotation_vector", "unit": "rad"}},
-            "rotation is not allowed beside",
+            "rotation is not allowed together with them",
         ),
     ],
 )

@@ -302,7 +302,7 @@ def test_wrong_input_is_named() -> None:
         (lambda: path_accuracy(LINE, [LINE], FEW), "attempts are 1; few has 2 or more"),
         (lambda: path_accuracy(LINE, [LINE, bad], FEW), r"attempts\[1\] holds"),
         (lambda: path_accuracy(LINE[None], [LINE, LINE], FEW), r"command has shape \(1, 2, 3\)"),
-        (lambda: path_accuracy(0 * LINE, [LINE, LINE], FEW), "stands still"),
+        (lambda: path_accuracy(0 * LINE, [LINE, LINE], FEW), "does not move"),
         (lambda: path_accuracy(np.vstack([LINE, LINE[:1]]), [LINE] * 2, FEW), "turns back"),
         (lambda: CUBE.poses("C1-C2-C3-C4"), "C2-C3-C8-C5"),
         (lambda: Cube((0, 0, 0), -1.0), "side is -1.0"),

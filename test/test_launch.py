@@ -142,9 +142,12 @@ def test_where_one_ends_that_the_commands_need_all_end(nodes: list[Node]) -> Non
 @pytest.mark.parametrize(
     ("chosen", "said"),
     [
-        ({"namespace": "left arm"}, "namespace: 'left arm' is none; write letters, digits and _"),
-        ({"params_file": "/no/such/file.yaml"}, "params_file: /no/such/file.yaml is no file"),
-        ({"command_timeout_s": "soon"}, "command_timeout_s: 'soon' is no time in seconds"),
+        (
+            {"namespace": "left arm"},
+            "namespace: 'left arm' is not a valid name; use letters, digits and _",
+        ),
+        ({"params_file": "/no/such/file.yaml"}, "params_file: /no/such/file.yaml is not a file"),
+        ({"command_timeout_s": "soon"}, "command_timeout_s: 'soon' is not a time in seconds"),
     ],
 )
 def test_an_argument_that_is_wrong_starts_nothing(

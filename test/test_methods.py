@@ -188,7 +188,7 @@ def test_poses_on_a_line(method):
     robot, poses = measured("linear_delta")
     point = poses.point.copy()
     point[:, :2] = 1.0
-    with pytest.raises(DataError, match="points off one line"):
+    with pytest.raises(DataError, match="points that do not lie on one line"):
         identify(replace(poses, point=point), robot, method=small(method))
 
 
@@ -229,7 +229,9 @@ def test_a_machine_that_cannot_be_assembled_is_no_result():
     problem = problem_of("linear_delta")
     row = problem.chain.parameters.row("arm_1")
     z = -300.0 * (np.arange(len(problem.theta0)) == row)
-    with pytest.raises(DataError, match=r"cannot be reached by the machine that was found: .* m;"):
+    with pytest.raises(
+        DataError, match=r"cannot be reached by the machine found by the search: .* m;"
+    ):
         solution_at(problem, z)
 
 

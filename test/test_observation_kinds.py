@@ -159,7 +159,7 @@ def test_a_mark_behind_the_camera_and_two_devices_are_refused():
         fit_observations(SCARA, [image])
     with pytest.raises(InputError, match=r"image: pixel \(3, 3\) is not allowed; \(3, 2\)"):
         PointInImage(q, np.zeros((3, 3)), MARK, CAMERA, 0.1)
-    with pytest.raises(InputError, match=r"camera: focal \[0. 1.\] is not allowed; over 0 px"):
+    with pytest.raises(InputError, match=r"camera: focal \[0. 1.\] is not allowed; above 0 px"):
         Camera(np.array([0.0, 1.0]), np.zeros(2))
 
 

@@ -156,7 +156,7 @@ def test_a_part_of_several_is_refused(tmp_path: Path, files) -> None:
         Settings(str(written(tmp_path, "turn", "grip")), calibration=str(files[1]))
     )
     made = Bytes((*NAMES, "grip")).message(np.append(Q, 1.0), (0, 0))
-    message = r"passed through \(turn, grip\) all are expected once, or none; found .*grip"
+    message = r"passed-through axes \(turn, grip\) are expected once each, .*; found .*grip"
     with pytest.raises(InputError, match=message):
         desk.usual.learn(Layout.of(made), made)
 

@@ -87,7 +87,7 @@ PATH = f"{HEAD},direction,payload_kg,path,duration_s\n0,0,-711,1,0,,\n"
         (f"{HEAD},payload_kg\n0,0,-711,-2\n", "line 2: payload_kg: '-2' is not allowed"),
         (f"{HEAD},path\n0,0,-711,way\n", "line 2: path: 'way' is not preceded by a stop"),
         (PATH + "1,0,-711,,,way,2\n2,0,-711,1,0,,\n", "line 4: path: '' is empty after a path"),
-        (PATH + "1,0,-711,,,way,2\n", "line 3: path: 'way' has one point only"),
+        (PATH + "1,0,-711,,,way,2\n", "line 3: path: 'way' has only one point"),
         (PATH + "1,0,-711,,,way,0\n2,0,-711,,,way,0\n", "line 3: duration_s: '0' is not p"),
         (PATH + "1,0,-711,,,way,2\n2,0,-711,,,way,3\n", "line 4: duration_s: '3' differs from t"),
         (f"{HEAD},path\n0,0,-711,\n0,0,-711,way\n", "column duration_s missing"),
@@ -148,7 +148,9 @@ def test_optimal_poses_keep_to_the_limits(best):
     near = optimal_plan(ROBOT, 20, radius=0.4, seed=1).plan.target
     assert np.hypot(near[:, 0], near[:, 1]).max() <= 0.4
     assert np.hypot(*best.plan.target[:, :2].T).max() > 0.5
-    with pytest.raises(InputError, match=r"only \d+ of 2000 poses .* choose a larger radius"):
+    with pytest.raises(
+        InputError, match=r"only \d+ of 2000 candidate poses .* choose a larger radius"
+    ):
         optimal_plan(ROBOT, 20, radius=0.01)
 
 

@@ -180,4 +180,4 @@ def test_commands_for_points(robot_file, tmp_path):
 
 def test_its_looks_are_asked_for_in_words(robot_file, capsys):
     assert run(["urdf", "--robot", robot_file]) == 2
-    assert "nothing says how a five_bar looks" in capsys.readouterr().err
+    assert "no drawing is known for a five_bar" in capsys.readouterr().err

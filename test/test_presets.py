@@ -111,7 +111,7 @@ def test_a_guess_knows_a_program(
     path.write_text(joints(by, measured[0]), encoding="utf-8")
     assert run(["import", str(path), "--robot", "ur10", "--guess"]) == 2
     said = capsys.readouterr().err
-    assert f"its rows are those of preset {by}: --preset {by}, without --guess" in said
+    assert f"the table has the format of preset {by}: use --preset {by} instead of --guess" in said
     assert said.count("--preset") == 1
 
 
@@ -126,7 +126,8 @@ def test_a_guess_names_the_option_of_the_second_table(
     given = [str(tmp_path / "p.csv"), "--guess", "--join", str(tmp_path / "k.dat")]
     assert run(["import", *given, "--robot", "ur10"]) == 2
     assert (
-        "k.dat: its rows are those of preset kuka: --join-preset kuka" in capsys.readouterr().err
+        "k.dat: the table has the format of preset kuka: use --join-preset kuka"
+        in capsys.readouterr().err
     )
 
 
@@ -170,7 +171,7 @@ def test_decimal_commas_between_columns_that_commas_part_are_refused(
     q, y = measured
     text = points(of, y).replace(".", ",")
     assert both(tmp_path, ("kuka", joints("kuka", q)), (of, text), "--by", "name") == 2
-    assert "are its decimals parted by commas" in capsys.readouterr().err
+    assert "does it use commas both for decimals" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("mixed", ["1,234", "0,5;1.25"])
@@ -246,9 +247,9 @@ def test_points_in_another_unit_are_read_by_it_and_refused_without(
     ("options", "said"),
     [
         (["--preset", "kuka"], "points are missing"),
-        (["--preset", "nobody"], "preset 'nobody' is not known; there are: abb"),
+        (["--preset", "nobody"], "preset 'nobody' is not known; choose from: abb"),
         (["--preset", "kuka", "--join", "1.txt", "--join-preset", "abb"], "both give joints"),
-        (["--preset", "kuka", "--join", "1.txt"], "go together"),
+        (["--preset", "kuka", "--join", "1.txt"], "must be given together"),
         (["--preset", "kuka", "--guess"], "one of --mapping, --preset and --guess"),
         ([], "one of --mapping, --preset and --guess"),
     ],
@@ -267,7 +268,7 @@ def test_a_list_that_is_another_programs_is_refused(
 ) -> None:
     q, y = np.zeros((3, 6)), np.zeros((3, 3))
     assert both(tmp_path, ("kuka", joints("abb", q)), ("faro", points("faro", y))) != 0
-    assert "nothing in it has the format of the preset" in capsys.readouterr().err
+    assert "nothing in the file has the format of the preset" in capsys.readouterr().err
 
 
 def test_the_second_file_is_named_as_it_lies(

@@ -202,7 +202,7 @@ def test_missing_streams_name_what_is_there_and_the_option(tmp_path: Path) -> No
     only_joints = foreign_mcap(tmp_path / "j.mcap", [joints(k) for k in range(3)])
     with pytest.raises(
         RecordingError,
-        match=r"j.mcap: no tracker readings: wanted tracker/pose or tracker/point, recorded are"
+        match=r"j.mcap: no tracker readings: expected tracker/pose or tracker/point, recorded are"
         r" /joint_states; --topic tracker_pose=NAME",
     ):
         read_session(only_joints)

@@ -39,7 +39,7 @@ def test_two_namespaces_have_to_be_told_apart(tmp_path: Path) -> None:
     path = foreign_mcap(tmp_path / "f.mcap", [*rows, pose(0)])
     with pytest.raises(
         RecordingError,
-        match=r"/a/joint_states and /b/joint_states all fit .*--topic states=/a/joint_states",
+        match=r"/a/joint_states and /b/joint_states all match .*--topic states=/a/joint_states",
     ):
         read_session(path)
     read = read_session(path, Topics(states="/b/joint_states"))

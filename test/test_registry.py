@@ -53,10 +53,10 @@ def test_what_is_installed_is_known_beside_the_own(installed) -> None:
 @pytest.mark.parametrize(
     ("entry", "said"),
     [
-        ("own = another_kinds:New", "the package has a own itself"),
+        ("own = another_kinds:New", "the package already has a own"),
         ("new = another_kinds:Missing", "cannot be loaded: .*Missing"),
         ("new = not_there:New", "cannot be loaded: .*not_there"),
-        ("new = another_kinds:value", "is no class derived from Kind"),
+        ("new = another_kinds:value", "is not a class derived from Kind"),
         ("other = another_kinds:New", "its name is 'new'"),
     ],
 )

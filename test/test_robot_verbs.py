@@ -500,7 +500,9 @@ def test_a_delta_drawn_as_a_tree_is_no_arm(tmp_path: Path) -> None:
 
     file = tmp_path / "delta.urdf"
     file.write_text(written(describe(load_robot("srbd")).tree), encoding="utf-8")
-    with pytest.raises(InputError, match=r"6 arms hang on link 'base_link'.*closed chains"):
+    with pytest.raises(
+        InputError, match=r"6 arms are attached to link 'base_link'.*closed chains"
+    ):
         robot_from_urdf(file)
 
 
@@ -520,13 +522,13 @@ def on_a_pedestal() -> list[dict[str, str]]:
     ("joints", "said"),
     [
         (changed(2, kind="prismatic"), "joint 'axis_3': type 'prismatic'; an arm of turning"),
-        (changed(0, axis="1 0 0"), "the first axis has to cut the base's x axis"),
-        (changed(0, xyz="0 0.1 0"), "the first axis has to cut the base's x axis"),
+        (changed(0, axis="1 0 0"), "the first axis has to intersect the base's x axis"),
+        (changed(0, xyz="0 0.1 0"), "the first axis has to intersect the base's x axis"),
         (changed(1, xyz="0 zero 0"), "joint 'axis_2': xyz='0 zero 0'; 3 numbers are needed"),
         (changed(1, axis="0 0 0"), "joint 'axis_2': axis has no length"),
         (changed(5, parent="l4"), "several ends of the arm; give --tip: l5, tool"),
         (on_a_pedestal(), "the base's x axis at a right angle; give --base base\n"),
-        (changed(0, xyz="0 0.1 0"), "at a right angle; add a link that does as a base"),
+        (changed(0, xyz="0 0.1 0"), "at a right angle; add a suitable base link"),
         (changed(1, xyz="0 ${height} 0"), "is xacro; convert it first"),
     ],
 )
@@ -557,7 +559,7 @@ def test_a_joint_between_links_that_are_not_there_is_refused(tmp_path: Path) -> 
         ("<robot>", "not XML"),
         ("<model/>", "its root is <model>"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot/>', "document type or entities"),
-        ("<robot/>", "no joint that turns"),
+        ("<robot/>", "no revolute joint"),
     ],
 )
 def test_a_file_that_is_no_urdf_is_refused(text, said, tmp_path: Path) -> None:
@@ -600,7 +602,7 @@ def test_a_workspace_is_proposed_for_a_machine_of_another_size(tmp_path: Path) -
     out = tmp_path / "desk.yaml"
     done = run("new", "--like", "srbd", "--out", out, typed=small_delta())
     assert done.exit_code == 0, done.output
-    assert "geometry.arm_mm: 0.08 beside the proposed 320.0: is it in mm?" in done.output
+    assert "geometry.arm_mm: 0.08 is far from the proposed 320.0: is it in mm?" in done.output
     robot = load_robot(out)
     assert robot.dimensions.arm == pytest.approx(0.08)
     assert robot.workspace is not None

@@ -261,7 +261,7 @@ def test_a_stop_of_the_process_sends_nothing_stale_and_is_told(bench: Bench) -> 
     for k in range(100):
         cell.command.publish(joint_state(NAMES, Q + k * 1e-3, ns_to_stamp(time.time_ns())))
         time.sleep(0.005)
-    assert cell.diagnosed("stood still")
+    assert cell.diagnosed("the process was interrupted")
     sent = np.array([positions(m) for m in cell.sent[before:]])
     assert 1 <= len(sent) < 5
     np.testing.assert_allclose(sent[0], Q)  # no jump to the present commands
@@ -272,7 +272,7 @@ def test_another_that_sends_to_the_drives_is_told(bench: Bench) -> None:
     cell = Cell(bench)
     assert cell.diagnosed("passing commands through", DiagnosticStatus.OK)
     other = cell.world.create_publisher(JointState, "joint_command_compensated", STREAM_OUT)
-    assert cell.diagnosed("/joint_command_compensated: 2 nodes send it")
+    assert cell.diagnosed("/joint_command_compensated: 2 nodes publish it")
     cell.world.destroy_publisher(other)
 
 
@@ -415,7 +415,7 @@ def test_a_timeout_lets_nothing_pass_whose_age_is_not_known_or_cannot_be(bench: 
 def test_a_watch_is_told_on_diagnostics(bench: Bench, file: Path) -> None:
     cell = Cell(bench, calibration=file, watch_false_alarms=0.1)
     assert cell.value("watch") == "as calibrated"
-    assert cell.value("watch stops looked at") == "0"
+    assert cell.value("watch stops examined") == "0"
     trouble = "the machine is no longer what was calibrated"
     vigil = cell.node._desk.watchman._vigil
     vigil.suspicion = replace(vigil.suspicion, odds=vigil.suspicion.limit + 1.0)

@@ -82,7 +82,7 @@ def test_commands_go_to_the_controllers_in_their_order(bench: Bench, file: Path)
     ("given", "said"),
     [
         ({"command_controller": "c", "command_joints": ["joint_1", "elbow"]}, "command_joints"),
-        ({"trajectory_input": "in"}, "wants a trajectory_controller"),
+        ({"trajectory_input": "in"}, "needs a trajectory_controller"),
         ({"command_controller": "9 bad"}, "parameter command_controller: '9 bad'"),
         ({"trajectory_controller": "//"}, "parameter trajectory_controller: '//'"),
     ],
@@ -172,7 +172,7 @@ def test_a_command_that_was_sent_is_not_compensated_again_unmarked(
     assert cell.call("enable", True)[0]
     once = positions(cell.give(Q))
     np.testing.assert_array_equal(positions(cell.give(once)), once)
-    assert cell.diagnosed("commanded again")
+    assert cell.diagnosed("own output received")
 
 
 def test_commands_are_answered_while_a_long_trajectory_is_worked_on(

@@ -96,10 +96,10 @@ def test_nobody_listens(launch: Launch, points: Path) -> None:
     node = launch(f"{NODES}.grid_positioner", points=points, wait_for_subscriber=0.3)
     assert node.end() == 1
     assert (
-        "did not begin in 0.3 s: nobody listens to /joint_command, no joint_states came; "
-        in node.output
+        "did not begin within 0.3 s: nobody listens to /joint_command, no joint_states were "
+        "received; " in node.output
     )
-    assert "calibration_node: is it up" in node.output
+    assert "calibration_node: are it and the machine" in node.output
     assert len(node.output.strip().splitlines()) == 1
 
 

@@ -167,7 +167,7 @@ def test_autostart(
     given = [Parameter("autostart", value=autostart)]
     cell = bench.add(Cell(bench, parameter_overrides=given))
     cell.start()
-    assert ("waits for a lifecycle manager" in capfd.readouterr().err) is not autostart
+    assert ("waiting for a lifecycle manager" in capfd.readouterr().err) is not autostart
     assert cell.state == state
     cell.close()
     assert cell.state == "finalized"

@@ -160,14 +160,14 @@ def test_after_a_hold_up_it_goes_on_without_a_jump(
     gaps = np.diff(listener.stamps[count:]) * 1e-9
     # a delay of 0.25 s is made up for, one of 0.8 s is not: 80 commands would come at once
     assert _longest_run(gaps < 0.3 / RATE) < 50
-    assert "held up: the rest of the plan is" in node.output
+    assert "delayed: the rest of the plan is" in node.output
     np.testing.assert_allclose(listener.angles, expected(points, HERE, dwell=0.2), atol=1e-12)
 
 
 def test_payloads_are_asked_for(bench: Bench, launch: Launch) -> None:
     Listener(bench)
     node = launch(NODE, plan="rich", count=1, dwell=0.0)
-    assert bench.until(lambda: "the plan wants 2 kg on the platform" in node.output)
+    assert bench.until(lambda: "the plan needs 2 kg on the platform" in node.output)
     node.send(signal.SIGINT)
     assert bench.until(lambda: node.process.poll() is not None)
     assert node.end() == 0
@@ -221,7 +221,7 @@ def gone(bench: Bench, node: Managed) -> None:
             "no longer listens to /joint_command, and was active",
         ),
         (gone, "/calibration_node no longer listens to /joint_command, and was active"),
-        (lambda bench, node: bench.executor.remove_node(node), "has not said for 3 s whether"),
+        (lambda bench, node: bench.executor.remove_node(node), "has not reported for 3 s whether"),
     ],
     ids=["inactive", "finalized", "gone", "hangs"],
 )

@@ -140,5 +140,5 @@ def test_a_node_that_there_is_not_is_a_line(name: list[str]) -> None:
     command = [sys.executable, "-m", "delta_calibration.ros.entry", *name]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "is no node; there are: calibration_node, " in done.stderr
+    assert "is not a node; choose from: calibration_node, " in done.stderr
     assert "Traceback" not in done.stderr

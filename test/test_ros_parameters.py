@@ -49,7 +49,7 @@ def test_defaults_come_with_their_types(bench: Bench) -> None:
         ("bound", float("inf"), "bound: inf is not a finite number"),
         ("count", 11, "count.*11"),
         ("count", 2.5, "count: 2.5 is not of type int"),
-        ("mode", "guess", "mode: 'guess' is none of hold, pass_through"),
+        ("mode", "guess", "mode: 'guess' is not one of hold, pass_through"),
         ("axis", [0.0, float("nan"), 1.0], "axis: nan is not a finite number"),
         ("axis", [0.0, 2.0, 1.0], r"axis: 2.0 is not in \[-1.0, 1.0\]"),
         ("axis", 1.0, "axis: 1.0 is not of type array"),
@@ -68,7 +68,7 @@ def test_a_wrong_value_at_the_start_is_an_input_error(
     [
         ("bound", float("nan"), "bound: nan is not a finite number"),
         ("gain", float("nan"), "gain"),
-        ("mode", "guess", "mode: 'guess' is none of hold, pass_through"),
+        ("mode", "guess", "mode: 'guess' is not one of hold, pass_through"),
         ("robot", "other", "read-only"),
         ("axis", [0.0, 0.0, -3.0], "axis: -3.0 is not in"),
     ],

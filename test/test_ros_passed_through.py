@@ -88,7 +88,7 @@ def test_a_part_of_several_and_what_is_no_number_are_refused(bench: Bench, tmp_p
     cell = Cell(bench, robot=written(tmp_path, "turn", "grip"))
     part = command(np.append(Q, 1.0), (*NAMES, "grip"))
     assert cell.answer(part) is None
-    assert cell.diagnosed("passed through (turn, grip) all are expected once, or none")
+    assert cell.diagnosed("passed-through axes (turn, grip) are expected once each")
     both = (*NAMES, "grip", "turn")
     assert cell.answer(command(np.append(Q, [1.0, np.nan]), both)) is None
     assert cell.diagnosed("turn = nan; finite values are needed")
@@ -150,5 +150,5 @@ def test_a_controller_of_all_axes_gets_whole_commands_only(bench: Bench, tmp_pat
     assert bench.until(lambda: commands)
     np.testing.assert_array_equal(commands[-1].data, [3.0, *Q])
     assert cell.give(Q, T0_NS + 1) is not None
-    assert cell.diagnosed("forward: a command without joint_4 is not sent to it")
+    assert cell.diagnosed("forward: a command without joint_4 is not sent")
     assert len(commands) == 1

@@ -46,7 +46,7 @@ def test_one_topic_of_several(path: Path, name: str) -> None:
 def test_a_topic_that_is_not_there_is_named_with_those_that_are(path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no topic tracker/pose; it has \['joint_command'"):
         load_timeline(path, ("tracker/pose",))
-    with pytest.raises(RecordingError, match="no topic to play"):
+    with pytest.raises(RecordingError, match="names no topic to play"):
         load_timeline(path, ())
 
 

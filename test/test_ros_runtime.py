@@ -142,9 +142,17 @@ def test_a_signal_ends_the_node_after_its_callback_with_0(
 @pytest.mark.parametrize(
     ("what", "number", "said"),
     [
-        ("hang", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in hang, cell_"),
-        ("hang", signal.SIGTERM, "cell: not ended 0.5 s after SIGTERM (it stands in hang, cell_"),
-        ("worker", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (it stands in "),
+        (
+            "hang",
+            signal.SIGINT,
+            "cell: not ended 0.5 s after SIGINT (its main thread is in hang, cell_",
+        ),
+        (
+            "hang",
+            signal.SIGTERM,
+            "cell: not ended 0.5 s after SIGTERM (its main thread is in hang, cell_",
+        ),
+        ("worker", signal.SIGINT, "cell: not ended 0.5 s after SIGINT (its main thread is in "),
         ("hold", signal.SIGINT, "in close\n"),  # from faulthandler, which needs no Python
     ],
 )

@@ -93,7 +93,7 @@ def test_a_service_that_is_not_there_is_1() -> None:
     ("arguments", "code", "said"),
     [
         (["/cell/enable"], 2, "/cell/enable: takes true or false; usage: "),
-        (["/cell/fit", "true"], 2, "/cell/fit: takes no true or false; usage: "),
+        (["/cell/fit", "true"], 2, "/cell/fit: does not take true or false; usage: "),
         (["/cell/fti", "8"], 1, "(there are /cell/enable, /cell/fit, /cell/refuse) within 8 s"),
     ],
 )

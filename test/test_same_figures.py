@@ -277,7 +277,7 @@ def test_a_swarm_that_has_not_come_to_rest_is_not_the_model_s_fault():
     found = fitted("srbd_backlash").found
     by_swarm = replace(found, effort=replace(found.effort, method="pso"))
     assert "search by pso has not converged" in doubt(by_swarm)
-    assert "least_squares leaves as much" in doubt(by_swarm)
+    assert "least_squares leaves as much error" in doubt(by_swarm)
     assert "nominal robot" not in doubt(by_swarm)
     worse = replace(found.full, held_out=2.0 * found.frame_only.held_out)
     assert "larger than that of the nominal robot" in doubt(replace(by_swarm, full=worse))

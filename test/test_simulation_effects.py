@@ -166,7 +166,7 @@ def encoders(name, **stated):
             "encoder_interpolation",
             "joints.encoder_periods_per_m: the periods are too short .*; at most [0-9.]+ can",
         ),
-        (load_robot("scara"), "gravity_sag", "its links' masses are stated"),
+        (load_robot("scara"), "gravity_sag", "the masses of its links are stated"),
         (
             replace(CABLES, dimensions=replace(CABLES.dimensions, pretension=0.0)),
             "pretension_loss",

@@ -156,9 +156,9 @@ def test_settings_that_cannot_be_are_refused():
         SwarmSettings(particles=1)
     with pytest.raises(InputError, match=r"iterations is 1\.5; .* at least 1"):
         SwarmSettings(iterations=1.5)
-    with pytest.raises(InputError, match=r"parameter 2 goes from 1 to 1; .*the second above"):
+    with pytest.raises(InputError, match=r"parameter 2 goes from 1 to 1; .*the second larger"):
         Box(np.array([0.0, 1.0]), np.ones(2))
-    with pytest.raises(InputError, match="parameter 1 goes from -inf to inf; both have to be"):
+    with pytest.raises(InputError, match="parameter 1 goes from -inf to inf; both must be"):
         Box.about_zero(np.array([np.inf]))
     with pytest.raises(InputError, match=r"settled in a window of 1 within 0\.1"):
         Settled(window=1, tolerance=0.1)

@@ -327,7 +327,7 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
 
 @pytest.mark.parametrize(
     ("tolerance", "said", "drawn"),
-    [(50.0, "to the right of what is shown", 0), (0.01, "", 1), (None, "", 0)],
+    [(50.0, "outside the plot, to the right", 0), (0.01, "", 1), (None, "", 0)],
 )
 def test_a_tolerance_off_the_scale_is_said_not_drawn(
     tolerance: float | None, said: str, drawn: int

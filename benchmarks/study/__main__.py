@@ -22,15 +22,21 @@ from study.trials import ROBOTS, tasks
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--scheduler", metavar="ADDRESS", help="Of a Dask cluster that has this checkout.")
-@click.option("--workers", type=click.IntRange(1), help="Of the local cluster; as many as cores.")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Address of a Dask cluster with this checkout."
+)
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    help="Workers of the local cluster.  [default: number of cores]",
+)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option(
     "--share",
     type=click.FloatRange(0, min_open=True),
     default=1.0,
     show_default=True,
-    help="Of the trials: 0.1 for a tenth of each kind.",
+    help="Share of the trials to run: 0.1 for a tenth of each kind.",
 )
 @click.option("--only", multiple=True, metavar="GROUP", help="Kinds of trials; may be repeated.")
 @click.option(
@@ -38,17 +44,17 @@ from study.trials import ROBOTS, tasks
     default="srbd",
     show_default=True,
     metavar="NAMES",
-    help=f"Machines, with commas between, or all: {', '.join(ROBOTS)}.",
+    help=f"Robots, separated by commas, or all: {', '.join(ROBOTS)}.",
 )
-@click.option("--most", type=click.IntRange(1), help="Trials of each robot at most.")
+@click.option("--most", type=click.IntRange(1), help="Largest number of trials of each robot.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     default=Path("out/study.jsonl"),
     show_default=True,
-    help="Outcomes, a line each; those that are there are not run again.",
+    help="File of outcomes, one per line; trials that are in it are not run again.",
 )
-@click.option("--page", "document", type=click.Path(path_type=Path), help="Write the tables here.")
+@click.option("--page", "document", type=click.Path(path_type=Path), help="File for the tables.")
 def study(
     scheduler: str | None,
     workers: int | None,

@@ -90,17 +90,17 @@ CASES = (
         _GIVE | _STRETCH,
         moves=True,
     ),
-    Case("play under friction", {"gap": _GAP, "friction": 20.0}, ("backlash",), {"gap": _GAP}),
+    Case("backlash under friction", {"gap": _GAP, "friction": 20.0}, ("backlash",), {"gap": _GAP}),
     Case(
-        "play under friction and weight",
+        "backlash under friction and weight",
         {"gap": _GAP, "friction": 3.0},
         ("backlash",),
         {"gap": _GAP},
     ),
-    Case("play under weight", {"gap": _GAP}, ("backlash",), {"gap": _GAP}, reach=0.5),
-    Case("play that weight holds shut", {"gap": _GAP}, reach=0.15, told=_HELD),
+    Case("backlash under weight", {"gap": _GAP}, ("backlash",), {"gap": _GAP}, reach=0.5),
+    Case("backlash closed by weight", {"gap": _GAP}, reach=0.15, told=_HELD),
     Case(
-        "play and drive springs under weight and friction",
+        "backlash and drive springs under weight and friction",
         {"gap": _GAP, "friction": 3.0, "drive": _SPRING},
         ("backlash", "joint_compliance"),
         {"gap": _GAP} | _GIVE,
@@ -173,7 +173,7 @@ def _said(case: Case, found: Diagnosis) -> dict[str, Any]:
 def page(outcomes: Sequence[Mapping[str, Any]]) -> str:
     """The outcomes as a Markdown table, one line per case."""
     lines = [
-        "| hidden | n | right | said | values: off by, in standard deviations | held out, "
+        "| hidden | n | right | reported | error of values, in standard deviations | held out, "
         "calibrated → extended [µm] | CPU [s] |",
         "|---|---:|---:|---|---|---:|---:|",
     ]
@@ -203,16 +203,20 @@ def _words(outcome: Mapping[str, Any]) -> str:
         f"{name} ({outcome['shape'][name]})" if name in outcome["shape"] else name
         for name in outcome["said"]
     ]
-    held = ["(" + _HELD + " cannot be told)"] if outcome["held"] else []
+    held = ["(" + _HELD + " cannot be distinguished)"] if outcome["held"] else []
     return " ".join([" + ".join(names) or "nothing", *held])
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.option("--seed", type=click.IntRange(0), default=21, show_default=True)
-@click.option("--each", type=click.IntRange(1), default=1, show_default=True, help="Seeds a case.")
-@click.option("--only", multiple=True, metavar="WORDS", help="Cases whose name has these words.")
+@click.option(
+    "--each", type=click.IntRange(1), default=1, show_default=True, help="Seeds per case."
+)
+@click.option(
+    "--only", multiple=True, metavar="WORDS", help="Only cases whose name contains this."
+)
 @click.option("--workers", type=click.IntRange(1), default=1, show_default=True)
-@click.option("--out", type=click.Path(path_type=Path), help="Write the outcomes here, as JSON.")
+@click.option("--out", type=click.Path(path_type=Path), help="JSON file for the outcomes.")
 def bodies(seed: int, each: int, only: tuple[str, ...], workers: int, out: Path | None) -> None:
     """Run the study of the diagnosis on rigid bodies."""
     wanted = [

@@ -92,7 +92,9 @@ def errors(task: Task, cause: str, again: int = 0) -> list[float]:
 
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("--robots", default="srbd", show_default=True, help="With commas between, or all.")
+@click.option(
+    "--robots", default="srbd", show_default=True, help="Robots, separated by commas, or all."
+)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True)
 @click.option("--machines", type=click.IntRange(1), default=20, show_default=True)
 @click.option("--workers", type=click.IntRange(1), default=2, show_default=True)
@@ -100,14 +102,14 @@ def errors(task: Task, cause: str, again: int = 0) -> list[float]:
     "--of",
     type=(str, click.Path(exists=True, path_type=Path)),
     metavar="CAUSE FILE",
-    help="In the place of fresh machines those of a study of which it missed the cause's values.",
+    help="Use the machines of a study whose values its intervals missed, not new ones.",
 )
 @click.option(
     "--again",
     type=click.IntRange(1),
     default=14,
     show_default=True,
-    help="With --of: how often each is measured.",
+    help="With --of: number of sessions of each machine.",
 )
 def intervals(
     robots: str, seed: int, machines: int, workers: int, of: tuple[str, Path] | None, again: int

@@ -62,8 +62,8 @@ def page(outcomes: Sequence[Outcome], wanted: int, command: str) -> str:
         _section("One cause: rates against its signal", _rates(one)),
         _section(f"One cause at lambda >= {NAMED:g}: what was named", _confusion(one)),
         _section(f"Two causes, each at lambda >= {SURE:g}", _pairs(of["pair"])),
-        _section("A cause that no catalogue has", _unknown(of["unknown"])),
-        _section("A cause taken out of the catalogue", _taken_out(of["taken out"])),
+        _section("A cause that is not in the catalogue", _unknown(of["unknown"])),
+        _section("A cause removed from the catalogue", _taken_out(of["taken out"])),
         _section("Poor sessions", _poor(of["poor"])),
         _section("Gain where nothing was measured", _gain(outcomes)),
         _section("Stated intervals", _coverage(outcomes)),
@@ -118,7 +118,7 @@ def _confusion(outcomes: Sequence[Outcome]) -> str:
     for cause in sorted({c for o in strong for c in o["hidden"]}):
         own = [o for o in strong if cause in o["hidden"]]
         rows.append([cause, len(own), _said(own)])
-    return table(["hidden", "n", "said"], rows)
+    return table(["hidden", "n", "reported"], rows)
 
 
 def _said(outcomes: Sequence[Outcome]) -> str:
@@ -138,8 +138,8 @@ def _pairs(outcomes: Sequence[Outcome]) -> str:
     up_to_class = rate(strong, exact_classes)
     missed = [[" + ".join(o["hidden"]), _sentence(o)] for o in strong if not exact_classes(o)]
     return (
-        f"Both named, and nothing else: {both}. The same up to what cannot be told apart: "
-        f"{up_to_class}.\n\n" + table(["hidden", "said where that failed"], sorted(missed))
+        f"Both named, and nothing else: {both}. The same up to what cannot be distinguished: "
+        f"{up_to_class}.\n\n" + table(["hidden", "reported instead"], sorted(missed))
     )
 
 
@@ -154,7 +154,7 @@ def _unknown(outcomes: Sequence[Outcome]) -> str:
         f"confidence or more {rate(strong, recognised)}, nothing named at all "
         f"{rate(strong, nameless)}; named with {CONFIDENT:.0%} confidence or more "
         f"{rate(strong, confidently_wrong)}.\n\n"
-        + table(["hidden", "recognised", f"named, {CONFIDENT:.0%} sure", "said"], rows)
+        + table(["hidden", "recognised", f"named, {CONFIDENT:.0%} sure", "reported"], rows)
     )
 
 
@@ -175,7 +175,7 @@ def _taken_out(outcomes: Sequence[Outcome]) -> str:
         f"Of the others, recognised as unknown and nothing named with {LIKELY:.0%} confidence "
         f"or more {rate(told, recognised)}, nothing named at all {rate(told, nameless)}; "
         f"something named with {CONFIDENT:.0%} confidence or more "
-        f"{rate(strong, confidently_wrong)}.\n\n" + table(["taken out", "n", "said"], rows)
+        f"{rate(strong, confidently_wrong)}.\n\n" + table(["removed", "n", "reported"], rows)
     )
 
 
@@ -193,7 +193,7 @@ def _poor(outcomes: Sequence[Outcome]) -> str:
             ]
         )
     sure = f"wrong, {CONFIDENT:.0%} sure"
-    head = ["plan", "name right", "class right", sure, "says what it cannot tell"]
+    head = ["plan", "name right", "class right", sure, "states what it cannot distinguish"]
     wrong = [
         [" + ".join(o["hidden"]), o["plan"], _sentence(o)]
         for o in outcomes

@@ -128,7 +128,7 @@ def serve(
             listening.bind((address, port))
         except OSError as error:
             raise InputError(
-                f"--address {address} --port {port}: cannot be listened on: "
+                f"--address {address} --port {port}: cannot be opened for listening: "
                 f"{error.strerror or error}"
             ) from error
         listening.listen()

@@ -28,21 +28,21 @@ from delta_calibration.processes import child_environment
 ORDERS: Mapping[str, tuple[str, str]] = {  # order: its title, what to know beforehand
     "start_capture": (
         "Begin a capture",
-        "What was captured before is let go.",
+        "Earlier captured messages are discarded.",
     ),
-    "stop_capture": ("End the capture", "What was captured stays, to be fitted."),
+    "stop_capture": ("End the capture", "The captured messages are kept for a fit."),
     "fit": (
-        "Fit what was captured",
-        "The calibration that comes of it is loaded; if compensation is on, it goes over to it.",
+        "Fit the captured messages",
+        "The new calibration is loaded; if compensation is on, it changes over to it.",
     ),
     "diagnose": (
         "Fit and look for causes",
-        "Takes longer than a fit. The calibration that comes of it is loaded; if compensation is "
-        "on, it goes over to it.",
+        "Takes longer than a fit. The new calibration is loaded; if compensation is on, it "
+        "changes over to it.",
     ),
-    "enable": ("Switch compensation on", "Commands to the drives are corrected from then on."),
-    "disable": ("Switch compensation off", "Commands go to the drives as they come."),
-    "save": ("Save the calibration", "It is written to the file that the node was started with."),
+    "enable": ("Switch compensation on", "Commands to the drives are corrected from now on."),
+    "disable": ("Switch compensation off", "Commands go to the drives unchanged."),
+    "save": ("Save the calibration", "It is written to the file in the node's parameter output."),
 }
 NO_ROS = "this Python has no rclpy; source a ROS 2 Jazzy setup before delta-cal serve is started"
 _SERVICES = {"enable": ("enable", "true"), "disable": ("enable", "false")}
@@ -131,15 +131,15 @@ class Cell:
 
         Raises:
             InputError: no such order, or no such node.
-            MistakeError: the node has not answered the last order yet.
+            MistakeError: the node has not answered the previous order yet.
         """
         if order not in ORDERS:
-            raise InputError(f"order {order!r}: there is none; there are: {', '.join(ORDERS)}")
+            raise InputError(f"order {order!r}: is not known; choose from: {', '.join(ORDERS)}")
         with self._lock:
             if node not in self._heard or not _NODE.fullmatch(node):
-                raise InputError(f"node {node!r}: is not heard on this ROS domain")
+                raise InputError(f"node {node!r}: was not found on this ROS domain")
             if any(a.node == node and a.state == "waiting" for a in self._answers):
-                raise MistakeError(f"{node} has not answered the last order yet")
+                raise MistakeError(f"{node} has not answered the previous order yet")
             when = datetime.now(timezone.utc).strftime("%H:%M:%S")
             answer = Answer(when, node, order, "waiting", "")
             self._answers = [*self._answers[-_KEPT:], answer]
@@ -169,7 +169,7 @@ class Cell:
                 self._heard[data["node"]] = (monotonic(), data)
         _, errors = child.communicate()
         said = errors.strip().splitlines()
-        self.trouble = said[-1] if said else "the cell is not listened to any more"
+        self.trouble = said[-1] if said else "the connection to the cell is closed"
 
     def _give(self, answer: Answer) -> None:
         service, *flag = _SERVICES.get(answer.order, (answer.order,))

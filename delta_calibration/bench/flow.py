@@ -21,14 +21,14 @@ COLUMNS, MISTAKES = "columns", "mistakes"
 MAPPING = "mapping.yaml"
 _ALONE = "alone"  # option of a case: why it could not be fitted by itself
 STEPS = {
-    "columns": "Finding out what the columns of the table are",
-    "import": "Making a session of the table",
+    "columns": "Recognising the columns of the table",
+    "import": "Converting the table to a session",
     "check": "Looking for mistakes in the session",
-    "mend": "Mending the session",
+    "mend": "Correcting the session",
     "fit": "Fitting the machine",
-    "diagnose": "Looking for causes of what the fit leaves",
+    "diagnose": "Looking for causes of the remaining error",
     "keep": "Adding the session to the history",
-    "update": "Fitting the machine with what its history says",
+    "update": "Fitting the machine with the results of its history",
     "keep_update": "Adding the session to the history",
     "certificate": "Writing the certificate",
     "commands": "Correcting the points",
@@ -170,7 +170,7 @@ def _after(case: Case, step: str, said: Said, folder: Path) -> Case:
         told = f"{case.option(_ALONE)}; with the history of {case.machine}: {said.error}"
         return replace(case, state=FAILED, waiting=(), said=told)
     if step in ("keep", "keep_update") and said.code > 0:
-        return replace(_on(case), said=f"not in the history: {said.error}")
+        return replace(_on(case), said=f"not added to the history: {said.error}")
     if step == "import" and said.code > 0 and (folder / MAPPING).is_file():
         return replace(_asking(case, COLUMNS), waiting=(), said=said.error)
     if said.code:
@@ -204,8 +204,12 @@ def _on(case: Case) -> Case:
 def _not_kept(case: Case) -> str:
     """Reason why a session is not added to the history; empty if it is added."""
     if not case.machine:
-        return "not in the history: no machine was named"
-    return "not in the history: it was gone on with over a mistake" if case.forced else ""
+        return "not added to the history: no machine was named"
+    return (
+        "not added to the history: processing was continued in spite of a mistake in the session"
+        if case.forced
+        else ""
+    )
 
 
 def _asking(case: Case, question: str) -> Case:
@@ -245,11 +249,11 @@ def answered(case: Case, answer: str) -> Case:
         MISTAKES: {"mend": ("mend",), "force": FINDING_OUT[1:]},
     }
     if case.state != ASKING:
-        raise MistakeError("this question was answered already")
+        raise MistakeError("this question has already been answered")
     if answer == "stop":
         return replace(case, state="stopped", question="", waiting=(), said="stopped by you")
     if answer not in follows[case.question]:
-        raise InputError(f"answer {answer!r}: is none to this question")
+        raise InputError(f"answer {answer!r}: is not one of the answers to this question")
     return replace(
         case,
         state=WORKING,
@@ -269,10 +273,10 @@ def wanted(case: Case, step: str, options: dict[str, str]) -> Case:
         InputError: there is no such export.
     """
     if step not in EXTRAS:
-        raise InputError(f"export {step!r}: there is none; there are: {', '.join(EXTRAS)}")
+        raise InputError(f"export {step!r}: is not known; choose from: {', '.join(EXTRAS)}")
     exporting = case.state == WORKING and {case.step, *case.waiting} <= {"keep", *EXTRAS}
     if not case.at_rest and not exporting:
-        raise MistakeError("the session is worked on; ask again when that is done")
+        raise MistakeError("the session is being processed; try again when this has finished")
     before = case.waiting if exporting else ()
     waiting = before if step in before else (*before, step)
     options = {**(case.options or {}), **options}

@@ -189,7 +189,7 @@ def _robot(bench: Bench, form: FormData, machine: str, folder: Path) -> str:
         return known[machine]
     if chosen not in known_robots():
         raise InputError(
-            f"robot {chosen!r}: none of those that come with this; choose one, or give its file"
+            f"robot {chosen!r}: not a robot of the package; choose one, or give its file"
         )
     return chosen
 
@@ -229,7 +229,7 @@ def _about(form: FormData) -> dict[str, Any]:
 def _number(name: str, text: str) -> float:
     value = number_of(text.replace(",", "."))
     if isnan(value):
-        raise InputError(f"{name}: {text!r} is no number")
+        raise InputError(f"{name}: {text!r} is not a number")
     return value
 
 
@@ -266,7 +266,7 @@ def _line(form: FormData, name: str) -> str:
     """
     value = _text(form, name).strip()
     if len(value) > _LONGEST or not value.isprintable():
-        raise InputError(f"{name}: one line of at most {_LONGEST} letters is allowed")
+        raise InputError(f"{name}: one line of at most {_LONGEST} characters is allowed")
     return value
 
 

@@ -81,7 +81,9 @@ class Secrets:
             HTTPException: 403.
         """
         if not hmac.compare_digest(given.encode(), self.key.encode()):
-            raise HTTPException(403, "this form is of no page of this bench: load it again")
+            raise HTTPException(
+                403, "this form does not come from a page of this bench: load the page again"
+            )
 
     def _word(self, use: str) -> str:
         return hmac.new(self.token.encode(), use.encode(), hashlib.sha256).hexdigest()
@@ -131,7 +133,7 @@ class Guard:
         name = _cookie_name(host)
         if scope["method"] in _READING and (given := _token(scope)):
             if not self._secrets.opens(given):
-                raise HTTPException(403, "the token of this link is not, or no longer, right")
+                raise HTTPException(403, "the token of this link is not valid, or no longer valid")
             return self._opened(scope, name)
         self._require_known(headers, name)
         if scope["method"] not in _READING:
@@ -149,13 +151,14 @@ class Guard:
         if not self._secrets.knows(_cookie(headers, name)):
             raise HTTPException(
                 403,
-                "this browser is not known here: open the link that delta-cal serve showed when "
+                "this browser has not been admitted: open the link that delta-cal serve showed "
+                "when "
                 "it was started",
             )
 
     def _require_own_page(self, headers: Headers, host: str) -> None:
         if headers.get("origin", "") not in (f"http://{host}", f"https://{host}"):
-            raise HTTPException(403, "this was not asked from a page of this bench")
+            raise HTTPException(403, "this request does not come from a page of this bench")
 
     def _require_small(self, headers: Headers) -> None:
         length = headers.get("content-length", "0")
@@ -189,7 +192,7 @@ class Guard:
 
 def too_large(most: int) -> str:
     """Message for a body that is too large."""
-    return f"more than {most / (1 << 20):.0f} MB, and no more is taken (delta-cal serve --most)"
+    return f"larger than the limit of {most / (1 << 20):.0f} MB (delta-cal serve --most)"
 
 
 def _query(scope: Scope) -> list[tuple[str, str]]:

@@ -33,7 +33,7 @@ DOWNLOADS = {
     "certificate.json": "Certificate, for programs",
     MAPPING: "Mapping of the table",
 }
-_UPDATE = "Calibration, fitted with what the history says; causes found before are in it"
+_UPDATE = "Calibration, fitted with the results of the history, including causes found before"
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def progress(case: Case, folder: Path) -> Progress | None:
     if case.state != "working":
         return None
     if not case.step:
-        return Progress("Waiting for what was dropped before")
+        return Progress("Waiting for the sessions that were added before")
     part = doing(folder, case.step)
     if part is None:
         return Progress(STEPS[case.step])
@@ -134,7 +134,7 @@ def _unknown(verdict: Verdict) -> list[str]:
         f"Law at {law.part} ({law.stage}), {sure(law.probability)} likely: {law.equation}"
         for law in left.laws
     ]
-    return [f"Unexplained structure{size}: moves with {left.moves()}{where}", *laws]
+    return [f"Unexplained structure{size}: varies with {left.moves()}{where}", *laws]
 
 
 def mistakes(case: Case, folder: Path) -> list[dict[str, Any]]:

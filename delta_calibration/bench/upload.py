@@ -65,15 +65,15 @@ def take_all(files: Sequence[tuple[IO[bytes], str]], folder: Path, most: int) ->
     others = [name for name in data if not name.lower().endswith(RECORDED)]
     if others or not data:
         raise InputError(
-            f"{_called((*others, METADATA)[0])}: several files at once are those of one session: "
-            f"{METADATA} and .mcap or .db3 files"
+            f"{_called((*others, METADATA)[0])}: several files at once must be the files of one "
+            f"session: {METADATA} and .mcap or .db3 files"
         )
     session = file_name(data[0], "session").split(".")[0]
     home, left = _made(folder / "bag" / session), most
     for stream, name in files:
         path = home / file_name(name, "data.mcap")
         if path.exists():
-            raise InputError(f"{_called(name)}: is there twice")
+            raise InputError(f"{_called(name)}: is given twice")
         left -= copy(stream, name, path, left)
     return Dropped(BAG, session, f"bag/{session}")
 
@@ -102,7 +102,7 @@ def take(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped:
         name = file_name(given, "table.csv")
         copy(stream, given, _made(folder / "table") / name, min(most, MOST_TEXT))
         return Dropped(TABLE, Path(name).stem, f"table/{name}")
-    raise InputError(f"{_called(given)}: is none of what can be dropped here: {KINDS}")
+    raise InputError(f"{_called(given)}: is not a file that can be used here: {KINDS}")
 
 
 def copy(stream: IO[bytes], given: str, path: Path, most: int) -> int:
@@ -118,12 +118,12 @@ def copy(stream: IO[bytes], given: str, path: Path, most: int) -> int:
                 size += len(chunk)
                 if size > most:
                     raise InputError(
-                        f"{_called(given)}: has more than {_told(most)}, and no more is taken"
+                        f"{_called(given)}: is larger than the limit of {_told(most)}"
                     )
                 file.write(chunk)
     except OSError as error:
         why = error.strerror or str(error)
-        raise InputError(f"{_called(given)}: cannot be kept: {why}") from error
+        raise InputError(f"{_called(given)}: cannot be stored: {why}") from error
     if not size:
         raise InputError(f"{_called(given)}: is empty")
     return size
@@ -143,7 +143,7 @@ def _take_zip(stream: IO[bytes], given: str, folder: Path, most: int) -> Dropped
             most = min(most, max(ALWAYS, MOST_RATIO * packed))
             _unpack(archive, wanted, given, _made(folder / "bag" / session), most)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-        raise InputError(f"{_called(given)}: is no zip that can be read: {error}") from error
+        raise InputError(f"{_called(given)}: is not a readable zip file: {error}") from error
     return Dropped(BAG, session, f"bag/{session}")
 
 
@@ -181,11 +181,11 @@ def _require_plain(entry: zipfile.ZipInfo, given: str) -> None:
     kind = stat.S_IFMT(entry.external_attr >> 16)
     why = ""
     if name.startswith(("/", "\\")) or ".." in parts or ":" in parts[0] or "\\" in name:
-        why = "leads out of the folder"
+        why = "lies outside the folder"
     elif kind not in (0, stat.S_IFREG):
-        why = "is a link or a device, no file"
+        why = "is a link or a device, not a file"
     elif entry.flag_bits & 1:
-        why = "is locked by a password"
+        why = "is protected by a password"
     if why:
         raise InputError(f"{_called(given)}: {_called(name)} in it {why}")
 

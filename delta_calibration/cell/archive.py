@@ -40,11 +40,13 @@ class Archive:
                 or the library for it is missing.
         """
         if not url and update:
-            raise InputError("parameter history_update: wants a history to fit with")
+            raise InputError("parameter history_update: needs the parameter history")
         if not url:
             return None
         if not machine:
-            raise InputError("parameter machine: is empty; it names whose history is kept")
+            raise InputError(
+                "parameter machine: is empty; the history needs the name of the machine"
+            )
         if not bags:
             raise InputError("parameter history_bags: is empty; it names the folder for the bags")
         try:

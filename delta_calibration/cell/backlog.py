@@ -1,4 +1,4 @@
-"""Filter for commands that queued up while the process was stopped: only the newest is sent.
+"""Filter for commands that queued up while the process was interrupted: only the newest is sent.
 
 Commands of a stream normally arrive at the intervals of their stamps. After a stop of the process
 the queued commands arrive later than usual and faster than their stamps say: all at once or, on a
@@ -81,7 +81,10 @@ class Backlog(Generic[T]):
         """Warning about the last command returned; empty if no interruption came before it."""
         if not self.interrupted:
             return ""
-        return f"stood still: {self.lost} commands lost so far, {self.superseded} late not sent"
+        return (
+            f"the process was interrupted: {self.lost} commands lost so far, {self.superseded} "
+            "late ones not sent"
+        )
 
     def _stood_still(self, came_s: float) -> bool:
         if len(self._steps_s) < _KNOWN or came_s < STOP_S:

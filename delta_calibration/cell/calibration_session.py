@@ -431,14 +431,14 @@ class CalibrationSession:
             f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",
             "command took longer than its period": self.watch.late,
-            "command lost while the process stood still": self.backlog.lost,
+            "command lost while the process was interrupted": self.backlog.lost,
             "command late, a newer one sent": self.backlog.superseded,
             **{f"captured {stream}": n for stream, n in self.capture.counts.items()},
             "captured lost": self.capture.lost,
             **self.watchman.values,
             **{f"command {what}": n for what, n in self.path.counts.items()},
             **{f"{stream} refused": n for stream, n in self.watch.refused.items()},
-            **{f"{stream} lost on the way": n for stream, n in self.watch.lost.items()},
+            **{f"{stream} lost in transport": n for stream, n in self.watch.lost.items()},
         }
 
     def _compensator(

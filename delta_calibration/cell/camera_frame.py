@@ -44,7 +44,9 @@ class CameraFrame:
             DataError: too few stops, or on one line, or no pose explains the pixels.
         """
         if len(joint) < FEWEST_CAMERA_STOPS:
-            raise DataError(f"{len(joint)} stops; {FEWEST_CAMERA_STOPS} lay a camera's frame")
+            raise DataError(
+                f"{len(joint)} stops; the frame of a camera needs {FEWEST_CAMERA_STOPS}"
+            )
         model, points = robot.commanded, tool_points(robot, joint)
         seen = PointInImage(joint, pixel, robot.tool_offset, sight.camera, sight.noise)
         drawn = np.zeros(len(model.parameters), dtype=bool)
@@ -78,10 +80,10 @@ class CameraFrame:
     def __str__(self) -> str:
         """Sentence on the uncertainty due to the fitted frame."""
         return (
-            f"camera's place by {self.stops} stops of the robot itself, which are "
-            f"{self.rest * 1e3:.3f} mm (RMS) off in it; other stops would lay it about "
-            f"{self.std * 1e3:.3f} mm elsewhere. Points are driven right in this frame: an error "
-            "that moves the whole robot against its base is not seen in it"
+            f"position of the camera from {self.stops} stops of the robot itself, which deviate "
+            f"from it by {self.rest * 1e3:.3f} mm (RMS); other stops would shift it by about "
+            f"{self.std * 1e3:.3f} mm. Points are corrected in this frame; an error that moves "
+            "the whole robot relative to its base is not visible in it"
         )
 
 
@@ -99,7 +101,7 @@ def _over_plane(points: Array, rays: Array) -> Frame:
     rows = rotations.skew(rays)[..., None] * plane[:, None, None, :]
     values, across = np.linalg.svd(rows.reshape(-1, 9))[1:]
     if values[-2] <= _THIN * values[0]:
-        raise DataError("a camera's place needs stops off one line")
+        raise DataError("the position of a camera needs stops that do not lie on one line")
     columns = across[-1].reshape(3, 3)
     columns *= np.sign(np.sum(plane @ columns.T * rays)) / np.linalg.norm(columns[:, :2]) * 2**0.5
     along, across_it, place = columns.T

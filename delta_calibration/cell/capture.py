@@ -139,7 +139,9 @@ class Capture:
         if self.lost:
             notes.append(f"{self.lost} messages were lost: a capture holds {self._limit} at most")
         if self.strangers:
-            notes.append(f"{self.strangers} tracker messages of another kind were left out")
+            notes.append(
+                f"{self.strangers} tracker messages of the other kind (point, pose) left out"
+            )
         back = sum(rows.backward for rows in self._streams())
         if back:
             notes.append(f"time went backwards {back} times")

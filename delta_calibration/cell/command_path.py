@@ -33,7 +33,7 @@ BEYOND_LIMITS = (REFUSE, CLAMP)
 
 PASSED = "passed through"
 ALREADY = "already compensated, passed unchanged"
-ECHO = "an output was commanded again without its mark: passed unchanged"
+ECHO = "own output received as a command: passed unchanged"
 BLENDED = "correction faded out towards the edge of the region"
 LIMITED = "correction limited by its rate"
 LIMIT = "correction limited by a joint limit"

@@ -51,7 +51,7 @@ class Watch:
     def lose(self, stream: str, count: int, now_s: float) -> None:
         """Count messages that were lost on their way, as reported by the middleware."""
         self.lost[stream] = self.lost.get(stream, 0) + count
-        self.trouble(stream, f"{count} messages lost on their way", now_s)
+        self.trouble(stream, f"{count} messages lost in transport", now_s)
 
     def trouble(self, stream: str, what: str, now_s: float) -> None:
         """Record a problem of a stream, to be reported for `RECENT_S`."""

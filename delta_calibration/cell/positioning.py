@@ -332,8 +332,8 @@ def _require_places(model: Mechanism, robot: str) -> None:
     if max(model.freedoms) >= 3 or model.joints != model.task_size:
         raise InputError(
             f"robot {robot}: {model.joints} joints of a {model.name} command {model.task_size} "
-            "coordinates; positioning without a model is for robots whose joints command a place "
-            "of the tool alone, a joint for each of its coordinates"
+            "coordinates; positioning without a model needs a robot whose joints command only "
+            "the position of the tool, one joint per coordinate"
         )
 
 

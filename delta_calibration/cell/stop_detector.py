@@ -90,8 +90,8 @@ class StopDetector:
         if not self._there:
             k = int(np.argmax(np.abs(self._joint - self._told)))
             return (
-                f"{self._names[k]} stands at {self._joint[k]:.6f} {self._unit} but was commanded "
-                f"to {self._told[k]:.6f}; allowed: {self._within:.2g} beside it. Switch "
+                f"{self._names[k]} is at {self._joint[k]:.6f} {self._unit} but was commanded "
+                f"to {self._told[k]:.6f}; allowed difference: {self._within:.2g}. Switch "
                 "compensation off"
             )
         if not self._heard:

@@ -82,7 +82,8 @@ class Surroundings:
         """
         if part not in self._warm and len(self._warm) >= MOST_PARTS:
             raise InputError(
-                f"temperature of {part!r}: {MOST_PARTS} other parts have one; no more are kept"
+                f"temperature of {part!r}: ignored, because {MOST_PARTS} other parts have one, "
+                "which is the limit"
             )
         self._warm[part], self._known = (celsius, now_s), None
 

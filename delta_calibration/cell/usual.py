@@ -217,8 +217,8 @@ def named_in(
         return names
     if len(there) < len(passed_through) or any(list(found).count(n) > 1 for n in there):
         raise InputError(
-            f"JointState: of what is passed through ({', '.join(passed_through)}) all are "
-            f"expected once, or none; found {listed(list(found))}"
+            f"JointState: the passed-through axes ({', '.join(passed_through)}) are expected "
+            f"once each, or none of them; found {listed(list(found))}"
         )
     return names + passed_through
 

@@ -77,10 +77,10 @@ class Vigil:
     def __init__(self, calibration: Calibration, rate: float) -> None:
         if calibration.uncertainty is None:
             raise InputError(
-                f"{calibration.source}: its file does not say how uncertain it is; fit again"
+                f"{calibration.source}: the file does not contain its uncertainty; fit again"
             )
         if not 0.0 < rate <= 10.0:
-            raise InputError(f"false alarms: {rate:g} a month is not allowed; 0 to 10")
+            raise InputError(f"false alarms: {rate:g} per month is not allowed; 0 to 10")
         self._about = _About.of(calibration)
         self._windows = [_Window(self._about, days, rate / len(WINDOWS)) for days in WINDOWS]
         self._last: Stop | None = None

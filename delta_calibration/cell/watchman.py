@@ -131,9 +131,9 @@ class Watchman:
         told = vigil.suspicion
         return {
             "watch": "no longer what was calibrated" if told.changed else "as calibrated",
-            "watch stops looked at": vigil.stops,
-            "watch ln of the odds of a change": f"{told.odds:.2f}",
-            "watch alarm from": f"{told.limit:.2f}",
+            "watch stops examined": vigil.stops,
+            "watch log odds of a change": f"{told.odds:.2f}",
+            "watch alarm threshold": f"{told.limit:.2f}",
             "watch stops with a held reading": vigil.held,
-            "watch stops that the calibration cannot foretell": vigil.unknown,
+            "watch stops that the calibration cannot predict": vigil.unknown,
         }

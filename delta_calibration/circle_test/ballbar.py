@@ -62,7 +62,7 @@ def read_ballbar(path: Path, robot: Robot) -> Ballbar:
     by_points = all(name in head for name in POINT)
     if not by_points and not any(name in head for name in names):
         raise InputError(
-            f"{path}: no column of what was commanded: {', '.join(names)} or {', '.join(POINT)} "
+            f"{path}: no columns of the command: {', '.join(names)} or {', '.join(POINT)} "
             f"beside {TIME} and {RADIUS}; found {head}"
         )
     rows = read_table(path, (TIME, RADIUS, *(POINT if by_points else names)))
@@ -167,5 +167,5 @@ def _require_near(rows: list[Row], of: Index, radius: Array, circles: tuple[Circ
         if far.any():
             row = rows[of[circle.rows[np.flatnonzero(far)[0]]]]
             raise row.wrong(
-                RADIUS, f"is not allowed; the command goes round at {1e3 * circle.radius:.1f} mm"
+                RADIUS, f"is not allowed; the command has radius {1e3 * circle.radius:.1f} mm"
             )

@@ -40,13 +40,17 @@ def known_of(
     if verdict is None and calibration is None:
         return None
     if verdict is None or calibration is None:
-        raise InputError("--verdict and --calibration go together, as one diagnosis wrote them")
+        raise InputError(
+            "--verdict and --calibration must be given together; both are files of one diagnosis"
+        )
     if len(sessions) > 1:
-        raise InputError(f"--verdict {verdict}: of a single session; {len(sessions)} are given")
+        raise InputError(
+            f"--verdict {verdict}: belongs to one session, but {len(sessions)} are given"
+        )
     if quick:
-        raise InputError("--quick: makes no verdict, and --verdict gives one")
+        raise InputError("--quick: stores no verdict, but --verdict gives one")
     if update:
-        raise InputError("--update: fits with the history, and --calibration gives another fit")
+        raise InputError("--update: fits with the history, but --calibration gives another fit")
     return verdict, calibration
 
 
@@ -77,8 +81,9 @@ def update_of(
 
     if machine not in dict(store.machines()):
         raise DataError(
-            f"{seen.poses.source}: a machine's first session needs {FEWEST} different poses at "
-            f"rest or more, and this one has {places_of(seen)}; {store.name} has no machine "
+            f"{seen.poses.source}: the first session of a machine needs at least {FEWEST} "
+            f"different poses at rest, but this one has {places_of(seen)}; {store.name} has no "
+            "machine "
             f"{machine!r}"
         )
     robot = robot_kept(store, machine)
@@ -104,13 +109,13 @@ def _read_found(seen: Survey, robot: Robot, verdict_file: Path, calibration_file
         )
     if "prior" in calibration["provenance"]:
         raise InputError(
-            f"{calibration_file}: was fitted with what other sessions say; give the one that "
-            "`diagnose --out` wrote of this session alone"
+            f"{calibration_file}: was fitted with the results of other sessions; give the one "
+            "that `diagnose --out` wrote from this session alone"
         )
     verdict = read_verdict(verdict_file).verdict
     if verdict.session.poses != len(seen.poses):
         raise InputError(
             f"{verdict_file}: is of {verdict.session.poses} poses; {seen.poses.source} has "
-            f"{len(seen.poses)}: a verdict of another session"
+            f"{len(seen.poses)}: it is the verdict of another session"
         )
     return calibration, json.loads(read_text(verdict_file))

@@ -45,7 +45,7 @@ def positioned_by_camera(machine: TrueMachine, sight: Sight, seed: int) -> dict[
         rows.append((name, *(f"{v * 1e3:.4f}" for v in (e.maximum, e.mean, e.three_std))))
         figures[name] = e.in_mm()
     click.echo("\n" + table(("error by grid search, truth [mm]", "max", "mean", "3 std"), rows))
-    click.echo(f"{_REPEATS} searches a point, {moves:.0f} stops in all, no model\n")
+    click.echo(f"{_REPEATS} searches per point, {moves:.0f} stops in total, no model\n")
     return figures
 
 

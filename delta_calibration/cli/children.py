@@ -72,7 +72,7 @@ class Children:
         output = child.stdout.read().decode() if child.stdout else ""
         if child.returncode != 0:
             logged = (self._logs / f"{log or node}.log").read_text("utf-8", "replace")
-            said = (output or logged).strip().splitlines() or ["it said nothing"]
+            said = (output or logged).strip().splitlines() or ["it printed nothing"]
             raise CalibrationError(f"{node} ended with {child.returncode}: {said[-1]}")
         return output.strip()
 

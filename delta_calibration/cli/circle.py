@@ -115,7 +115,9 @@ def command(
     if is_table and (model or topics):
         raise InputError("--model and --topic are for sessions, not for a ballbar's table")
     if not is_table and noise_um is not None:
-        raise InputError("--noise-um is for a ballbar's table; a session shows its own noise")
+        raise InputError(
+            "--noise-um is for a ballbar's table; the noise of a session is found from its data"
+        )
     with redirect_stdout(sys.stderr if json_file == PRINTED else sys.stdout):
         if is_table:
             noise = _BALLBAR if noise_um is None else noise_um

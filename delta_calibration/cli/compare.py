@@ -88,9 +88,7 @@ def _compared(files: tuple[Path, ...], robot_file: str | None) -> Report:
             "compare files of one kind"
         )
     if len(files) < 2:
-        raise InputError(
-            f"{files[0]}: a calibration is compared with another one: name two or more"
-        )
+        raise InputError(f"{files[0]}: a comparison needs at least two calibrations")
     if robot_file is None:
         raise InputError("comparing calibrations needs the robot: --robot FILE|NAME")
     robot = load_robot(robot_file)

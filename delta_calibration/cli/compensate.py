@@ -159,7 +159,7 @@ def command(
     rows = read_rows(targets, robot, robot.joints.passed_through)
     unused = unused_columns(rows)
     if unused:
-        click.echo(f"{targets}: not used: {', '.join(unused)} (of a plan)", err=True)
+        click.echo(f"{targets}: not used: {', '.join(unused)} (columns of a plan)", err=True)
     if method == TABLE:
         compensator = options.compensator(calibration, seed)
     else:
@@ -300,8 +300,8 @@ def tell_of_blended(
     for row in blended[:_NAMED]:
         turn = "" if found.model_turn is None else f" and {found.model_turn[row] * 1e3:.3f} mrad"
         click.echo(
-            f"  point {reached[row] + 1}: {100 * share[row]:.0f} % of its correction, "
-            f"{found.model_error[row] * 1e3:.3f} mm{turn} left by the model",
+            f"  point {reached[row] + 1}: {100 * share[row]:.0f} % of its correction, remaining "
+            f"error {found.model_error[row] * 1e3:.3f} mm{turn} according to the model",
             err=True,
         )
     if blended.size > _NAMED:

@@ -87,7 +87,9 @@ def command(robot_file: str, out: Path | None, seed: int, method: str, draw: int
     robot = load_robot(robot_file)
     if robot.workspace is not None:
         if draw is not None:
-            raise InputError(f"--draw is for a live cell; {robot.name} always hides the same")
+            raise InputError(
+                f"--draw is for a live cell; the demo of {robot.name} always hides the same cause"
+            )
         _without_nodes(robot, robot_file, out or Path(f"out/demo_{robot.name}"), seed, method)
     else:
         _with_nodes(robot_file, out or Path("out/demo"), seed, method, draw)
@@ -221,7 +223,7 @@ def _evaluate(
     click.echo(table(("error [mm]", "max", "mean", "3 std"), rows) + "\n")
     click.echo(
         f"joints come to rest within {robot.joints.repeatability * 1e6:.0f} urad of the command: "
-        'in "measured", taken off in "simulated truth"'
+        'contained in "measured", removed from "simulated truth"'
     )
     return {
         **summary,

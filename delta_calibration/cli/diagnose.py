@@ -256,7 +256,7 @@ def _law(law: FoundEquation) -> list[str]:
     lines = [
         f"  law at {law.part} ({law.stage}), {sure(law.probability)} likely: {law.equation}",
         f"    {values}",
-        f"    seen for {listed(law.seen())}",
+        f"    observed for {listed(law.seen())}",
     ]
     if law.rival:
         lines.append(f" or {law.rival}; to separate them: {law.separated_by}")

@@ -80,7 +80,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
     "--order",
     type=click.Choice(ORDERS),
     default=None,
-    help="Order in which stepwise_qpso searches: one singular direction after the other "
+    help="Order of the search of stepwise_qpso: one singular direction after the other "
     "(singular), or each parameter as soon as it has settled (settled, as in the five-axis "
     "paper).  [default: singular]",
 )

@@ -58,14 +58,14 @@ def command() -> None:
     default=None,
     metavar="FILE|NAME",
     shell_complete=robots,
-    help="Robot of all machines.  [default: robot.yaml in the folder, or in a machine's own]",
+    help="Robot of all machines.  [default: robot.yaml in the folder or in a machine's own]",
 )
 @click.option(
     "--store",
     "url",
     default=None,
     metavar="FILE|URL",
-    help="History to write to.  [default: history.sqlite, or the STORE that is given]",
+    help="History to write to.  [default: history.sqlite, or the given STORE]",
 )
 @click.option(
     "--scheduler",
@@ -123,7 +123,7 @@ def run_(
     folder = is_folder(source)
     store_url = url or ("history.sqlite" if folder else source)
     if not folder and (robot_given or topics):
-        raise InputError("--robot and --topic are of a folder; a history knows its own")
+        raise InputError("--robot and --topic are for a folder; a history contains its own")
     machines = _machines(source, folder, robot_given, topics)
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # lost workers appear in results
     told = Told(sum(len(machine.sessions) for machine in machines), verbose)
@@ -166,7 +166,7 @@ def _machines(
     default=90,
     show_default=True,
     metavar="DAYS",
-    help="Sessions and changes of so many days count as recent.",
+    help="Number of days for which sessions and changes count as recent.",
 )
 def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     """Write one page of all machines: their states, what they share, which to visit first."""
@@ -198,7 +198,7 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     default=None,
     metavar="FILE|NAME",
     shell_complete=robots,
-    help="Which type of machine, where the history has several.",
+    help="Robot of the machines, needed if the history contains several.",
 )
 @click.option("--out", type=_FILE, required=True, help="File of priors (YAML) to write.")
 def priors(url: str, robot_given: str | None, out: Path) -> None:
@@ -231,7 +231,7 @@ def _type_of(url: str, known: dict[str, tuple[str, str]], given: str | None) -> 
     types = {made_for: robot for robot, made_for in known.values()}
     if len(types) != 1:
         several = ", ".join(sorted(types.values())) or "none"
-        raise InputError(f"{url}: machines of several robots ({several}): choose one by --robot")
+        raise InputError(f"{url}: machines of several robots ({several}): choose one with --robot")
     return load_robot(next(iter(types.values())))
 
 

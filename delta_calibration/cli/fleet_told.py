@@ -58,7 +58,7 @@ class Told:
         """Counts of all results, in one line."""
         of = self.counts
         return (
-            f"{of['added']} sessions added, {of['there']} there already, {of['failed']} failed, "
+            f"{of['added']} sessions added, {of['there']} already there, {of['failed']} failed, "
             f"of {machines} machines; {of['changes']} changes found"
         )
 
@@ -72,15 +72,15 @@ def priors_told(document: dict[str, Any]) -> str:
         odd.setdefault(each["machine"], []).append(each["parameter"])
     lines = [
         f"{document['machines']} machines, {document['sessions']} sessions; "
-        f"{len(known)} of {len(document['parameters'])} dimensions are told by them"
+        f"{len(known)} of {len(document['parameters'])} dimensions are determined by them"
     ]
     if ratio:
         lines.append(f"their spread is {ratio[len(ratio) // 2]:.2f} of the tolerance (median)")
-    lines += [f"odd: {machine}: {', '.join(names)}" for machine, names in sorted(odd.items())]
+    lines += [f"unusual: {machine}: {', '.join(names)}" for machine, names in sorted(odd.items())]
     common = {effect["cause"] for effect in document["effects"]}
     lines += [
         f"{spoken(e['cause'])}: found in {e['found_in']} of {e['of']} machines"
-        + ("; expected of the next one" if e["cause"] in common else "")
+        + ("; expected for the next machine" if e["cause"] in common else "")
         for e in document["causes"]
         if e["found_in"]
     ]

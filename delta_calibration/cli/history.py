@@ -172,7 +172,12 @@ def _add(
 
 
 @command.command("list")
-@click.option("--machine", default=None, metavar="NAME", help="Which machine; all if not given.")
+@click.option(
+    "--machine",
+    default=None,
+    metavar="NAME",
+    help="Name of the machine; all machines if not given.",
+)
 @store_option
 def list_(machine: str | None, url: str) -> None:
     """List machines, or the sessions of one."""

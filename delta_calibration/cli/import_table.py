@@ -146,7 +146,7 @@ def command(
     _require_one(mapping_file, preset, guess)
     _require_something(out, mapping_out, guess)
     if json_file is not None and not guess:
-        raise InputError("--json goes with --guess: it tells what was guessed")
+        raise InputError("--json needs --guess: the file contains what --guess proposes")
     with TemporaryDirectory() as folder:
         if mapping_file is None:
             mapping_file = mapping_out or Path(folder) / "mapping.yaml"
@@ -169,19 +169,25 @@ def command(
 
 def _require_one(mapping_file: Path | None, preset: str | None, guess: bool) -> None:
     if sum((mapping_file is not None, preset is not None, guess)) != 1:
-        raise InputError("say what the columns are: give one of --mapping, --preset and --guess")
+        raise InputError(
+            "the columns are not described: give one of --mapping, --preset and --guess"
+        )
 
 
 def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) -> None:
     if out is None and mapping_out is None and not guess:
-        raise InputError("nothing to write: --out for the session, --mapping-out for the mapping")
+        raise InputError(
+            "nothing to write: give --out for the session or --mapping-out for the mapping"
+        )
 
 
 def _other(
     file: Path | None, preset: str | None, by: str | None, within: float, shift: float
 ) -> Other | None:
     if (file is None) != (preset is None):
-        raise InputError("--join and --join-preset go together: a second table and its format")
+        raise InputError(
+            "--join and --join-preset must be given together: a second table and its format"
+        )
     if file is None or preset is None:
         return None
     return Other(file, preset, by or "row", within, shift)
@@ -192,7 +198,9 @@ def _second(
 ) -> Other | None:
     """Second table for --guess, if one is given."""
     if preset is not None:
-        raise InputError("--join-preset goes with --preset; --guess finds the second table's form")
+        raise InputError(
+            "--join-preset needs --preset; --guess finds the format of the second table itself"
+        )
     return None if file is None else Other(file, "", by or "", within, shift)
 
 
@@ -247,7 +255,7 @@ def _write(table: Path, mapping_file: Path, robot: Robot, out: Path) -> None:
     tracker = session.tracker
     measured = 0 if tracker is None else len(tracker.stamp_ns)
     if not measured:
-        raise InputError(f"{table}: it has no measurements at rest")
+        raise InputError(f"{table}: contains no measurements at rest")
     write_session(
         out,
         session,

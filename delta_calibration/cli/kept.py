@@ -26,7 +26,7 @@ def store_option(function: Function) -> Function:
         default=STORE,
         show_default=True,
         metavar="FILE|URL",
-        help="The history: a file of SQLite, or a database as SQLAlchemy names it.",
+        help="The history: an SQLite file, or the URL of a database (SQLAlchemy).",
     )(function)
 
 

@@ -53,7 +53,7 @@ def report_on(
     if not mistakes:
         return made
     told = ". ".join(mistake.sentence() for mistake in mistakes)
-    first = Statement("Mistake in the session", f"{told}. What follows is not to be trusted.")
+    first = Statement("Mistake in the session", f"{told}. The results below are not reliable.")
     return replace(made, statements=(first, *made.statements))
 
 

@@ -141,7 +141,9 @@ def command(
     if [name is not None, identify, update, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify, --update and --separate")
     if update != (machine is not None):
-        raise InputError("--update and --machine go together: whose history it adds to")
+        raise InputError(
+            "--update and --machine must be given together: --machine names the history to extend"
+        )
     if separate is None and (session or calibration_file):
         raise InputError("--from and --calibration are for --separate")
     if session and calibration_file:
@@ -187,12 +189,12 @@ def describe_optimal(best: OptimalPlan, robot: Robot) -> str:
     return "\n".join(
         [
             f"{len(best.plan) // 2} poses of {best.candidates}, each approached from both sides: "
-            f"log det of the information {best.log_det:.1f}; of the same number of random poses "
-            f"{best.random_log_det:.1f}; it would take {best.worth:.1f} times as many of those "
-            "for the same information",
+            f"log det of the information matrix {best.log_det:.1f}; "
+            f"for the same number of random poses {best.random_log_det:.1f}; random poses would "
+            f"have to be {best.worth:.1f} times as many for the same information",
             f"rank {seen.rank} of {seen.columns} parameters, O1 {seen.indices['O1']:.4g}",
-            f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}, half of the "
-            "file's limits.condition, because the file has no limit for the ball joints",
+            f"{_kept_to(robot)} and a condition number of {robot.limits.condition / 2:g}, half "
+            "of limits.condition in the file, because the file has no limit for the ball joints",
         ]
     )
 
@@ -205,8 +207,8 @@ def describe_renewal(renewal: Renewal, known: Prospect, robot: Robot) -> str:
             f"{len(renewal.plan) // 2} poses of {renewal.candidates}, each from both sides, added "
             f"to {len(names)} session{'' if len(names) == 1 else 's'} ({names[0]} to {names[-1]})",
             f"the machine is then known to {renewal.after:.2f} times the noise of a stop; after "
-            f"{PLACES} poses by lot and without its history, to {renewal.whole:.2f} times",
-            f"{_kept_to(robot)} and a condition of {robot.limits.condition / 2:g}",
+            f"{PLACES} random poses and no history, to {renewal.whole:.2f} times",
+            f"{_kept_to(robot)} and a condition number of {robot.limits.condition / 2:g}",
         ]
     )
 

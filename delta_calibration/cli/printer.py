@@ -74,7 +74,7 @@ def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -
         f"degree of freedom {found.chi_square:.2f} of the stated noise"
     )
     if found.unset:
-        click.echo(f"not told: {listed(found.unset)}")
+        click.echo(f"not determined: {listed(found.unset)}")
     if out is not None:
         write_text(out, _entries(found.machine.geometry))
         click.echo(f"written: {out}")

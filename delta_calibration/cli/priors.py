@@ -16,8 +16,7 @@ priors_option = click.option(
     "priors_file",
     type=click.Path(path_type=Path),
     default=None,
-    help="Use what a fleet of this type has in common, instead of the tolerances (a file that "
-    "`delta-cal fleet priors` wrote).",
+    help="File of priors, written by `delta-cal fleet priors`, to use instead of the tolerances.",
 )
 
 

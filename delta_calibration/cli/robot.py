@@ -369,8 +369,8 @@ def _asked(
         if said not in doubted and _other_unit(entry.unit, value, proposed):
             doubted.append(said)
             raise InputError(
-                f"{entry.name}: {said} beside the proposed {_written(proposed)}: is it in "
-                f"{entry.unit}? Give it once more if it is"
+                f"{entry.name}: {said} is far from the proposed {_written(proposed)}: is it in "
+                f"{entry.unit}? If so, enter it again"
             )
         return with_value(data, entry.path, value)
 

@@ -37,7 +37,7 @@ Measurement (default strength 1, as for all below):
 Drive:
   encoder_eccentricity  value: amplitude
   transmission_error    value: amplitude; cycles=N per turn (default: gear
-                        ratio); second=2: that of twice the order as well
+                        ratio); second=2: also a wave of twice the order
   joint_scale joint_compliance joint_lag
   backlash              on a Delta, held_by=N m: loads above it hold the gear
                         on one flank (0: none does)
@@ -46,7 +46,7 @@ Drive:
                         speed= [rad/s; m/s for sliding joints]; by default
                         0.1 rad/s on a Delta, a similar speed on others
   encoder_interpolation
-                        of robots with joints.encoder_lines in their file
+                        only if the robot file has joints.encoder_lines
 Structure:
   thermal_growth_arm thermal_growth_base
                         follows the sensor of its own part; sensor=arm or
@@ -116,7 +116,7 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     "--count",
     type=click.IntRange(min=1),
     default=None,
-    help="Number of points; of cycles for iso9283.",
+    help="Number of points, or of cycles for iso9283.",
 )
 @click.option(
     "--scatter",

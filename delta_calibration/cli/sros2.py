@@ -11,9 +11,7 @@ from delta_calibration.cli.options import write_or_print
 
 
 @click.command("sros2")
-@click.option(
-    "--policy", "_", is_flag=True, help="Write the policy (XML, format 0.2.0); the only choice."
-)
+@click.option("--policy", "_", is_flag=True, help="Write the policy (XML, format 0.2.0).")
 @click.option("--namespace", default="/", show_default=True, help="ROS namespace of the nodes.")
 @click.option(
     "--controller",

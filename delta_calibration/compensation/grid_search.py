@@ -46,7 +46,7 @@ class Stop(Enum):
 
     FINEST = "one command unit reached"
     BOUND = "a nearer node lies beyond the joint limits or the largest correction"
-    MOVES = "the moves allowed are spent"
+    MOVES = "the allowed number of moves is reached"
 
 
 @dataclass(frozen=True)

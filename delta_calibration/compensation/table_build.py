@@ -61,8 +61,8 @@ class TableSettings:
         require_whole("most", self.most, self.nodes)
         if self.bound > REACHED:
             raise InputError(
-                f"bound is {self.bound * 1e6:g} um; at most {REACHED * 1e6:g} allowed, as a "
-                "correction that ends farther off counts as none"
+                f"bound is {self.bound * 1e6:g} um; at most {REACHED * 1e6:g} allowed, because a "
+                "correction with a larger remaining error counts as failed"
             )
 
 
@@ -103,8 +103,8 @@ def build(task: Task, settings: TableSettings, follow: Follow = iter) -> Table:
         nodes = min(int(np.ceil((nodes - 1) * growth)) + 1, settings.most)
     raise DataError(
         f"no table: with {table.nodes} nodes an axis it is {table.worst * 1e6:.2g} um off "
-        f"between them, {goal * 1e6:.2g} um is wanted, and {settings.most} nodes are the most; "
-        "use another method, or a region farther from the edge of the reach"
+        f"between them, {goal * 1e6:.2g} um is the goal, and {settings.most} nodes are the limit; "
+        "use another method, or a region farther from the limits of the reach"
     )
 
 

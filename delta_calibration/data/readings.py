@@ -90,7 +90,9 @@ def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0)
         raise RecordingError(f"{session.source}: no {missing} in this session")
     notes = list(session.notes)
     if session.states is None:
-        notes.append("no joint_states recorded: the commanded joints are used as measured ones")
+        notes.append(
+            "no joint_states recorded: the commanded joints are used instead of measured ones"
+        )
     stamps, kept, repeated = _in_order(tracker.stamp_ns)
     frozen = _frozen(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
@@ -142,7 +144,7 @@ def _seldom(command: JointStream) -> list[str]:
     step = float(np.median(np.diff(command.stamp_ns))) * 1e-9 if len(command.stamp_ns) > 1 else 0.0
     if step <= _OFTEN:
         return []
-    return [f"commands {step:.2g} s apart: a joint that reverses in between is not noticed"]
+    return [f"commands {step:.2g} s apart: a reversal of a joint in between is not detected"]
 
 
 def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStream:

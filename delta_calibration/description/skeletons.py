@@ -47,8 +47,8 @@ def describe(robot: Robot, calibration: Calibration | None = None) -> Skeleton:
         mechanism, geometry = calibration.chain.mechanism, calibration.geometry
     if mechanism.name not in LOOKS:
         raise InputError(
-            f"robot {robot.name}: nothing says how a {mechanism.name} looks; its URDF has to be "
-            f"written by hand; known: {', '.join(sorted(LOOKS))}"
+            f"robot {robot.name}: no drawing is known for a {mechanism.name}, so its URDF has to "
+            f"be written by hand; known: {', '.join(sorted(LOOKS))}"
         )
     look = LOOKS[mechanism.name]()
     mechanism, geometry = look.model(mechanism, geometry)

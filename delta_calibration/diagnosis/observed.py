@@ -140,7 +140,7 @@ class Observed(Fitted):
             now = step
             if moved.max() < _STILL:
                 return now
-        raise DataError(f"the fit still moves after {_ROUNDS} steps")
+        raise DataError(f"the fit did not converge in {_ROUNDS} steps")
 
     def loss(self, samples: float) -> float:
         """Chi square, and the spread of the noise where that is estimated; outliers are fixed."""

@@ -236,7 +236,7 @@ def _within_limits(checked: Checked) -> Checked:
             )
             evidence = (
                 f"{name} is about {np.degrees(middle[j]):.0f} degrees, beyond its limits, and "
-                f"within them by {abs(turns)} turn{'s' * (abs(turns) > 1)} less"
+                f"within them with {abs(turns)} turn{'s' * (abs(turns) > 1)} less"
             )
             checked = checked.with_(change, evidence)
     return checked

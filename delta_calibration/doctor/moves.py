@@ -145,7 +145,7 @@ def tracker_moved(session: Session, at: int, moved: Frame, point: Array) -> Move
         (TRACKER,),
         _behind(at, lambda s: _back(s, back)),
         f"measure fixed reference reflectors to transform the readings after {when:.1f} s to the "
-        "first station, or fit each part alone (--fix moves the readings back)",
+        "first station, or fit each part separately (--fix transforms the readings)",
         part=f"{1e3 * size:.2f} mm, {1e3 * turn:.3f} mrad",
         value=when,
         unit="s",

@@ -230,7 +230,8 @@ def model_for(mechanism: str) -> dict[str, Any]:
         if _drawn_as(name, mechanism):
             return {**robot_document(name)[1], "mechanism": mechanism}
     raise InputError(
-        f"no robot of mechanism {mechanism} comes with the package to begin from; --like FILE"
+        f"no robot of mechanism {mechanism} comes with the package as a start; give one with "
+        "--like FILE"
     )
 
 

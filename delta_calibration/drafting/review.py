@@ -165,7 +165,8 @@ def _room(robot: Robot, data: Document) -> Iterator[str]:
     widest = 1e3 * float(robot.workspace.size.max())
     if widest < _TINY_PART * max(sizes, default=0.0):
         yield (
-            f"workspace.size_mm: {widest:.6g} mm at its widest, hardly more than a point; was it "
+            f"workspace.size_mm: {widest:.6g} mm at its widest, hardly larger than a point; was "
+            "it "
             f"written in metres?{_proposed(robot)}"
         )
 

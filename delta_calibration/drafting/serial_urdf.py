@@ -128,7 +128,7 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
     at = end
     while at != begin:
         if at not in children or len(way) > len(joints):
-            raise InputError(f"{path}: link {end!r} does not hang on {begin!r}")
+            raise InputError(f"{path}: link {end!r} is not attached to {begin!r}")
         way.append(children[at])
         if way[-1].kind not in ("fixed", "revolute", "continuous"):
             raise InputError(
@@ -174,7 +174,7 @@ def _end(joints: Sequence[UrdfJoint], begin: str, path: Path) -> str:
             ends[link] = tuple(joint for joint in way if joint.kind != "fixed")
     last = sorted(end for end, way in ends.items() if not _goes_on(way, ends.values()))
     if not any(ends.values()):
-        raise InputError(f"{path}: no joint that turns behind link {begin!r}")
+        raise InputError(f"{path}: no revolute joint after link {begin!r}")
     if len(last) == 1:
         return last[0]
     shared = {id(joint) for joint in ends[last[0]]}.intersection(
@@ -182,8 +182,8 @@ def _end(joints: Sequence[UrdfJoint], begin: str, path: Path) -> str:
     )
     if not shared:
         raise InputError(
-            f"{path}: {len(last)} arms hang on link {begin!r}; give --tip for one of them: "
-            f"{', '.join(last)} (a machine with closed chains is no serial arm)"
+            f"{path}: {len(last)} arms are attached to link {begin!r}; give --tip for one of "
+            f"them: {', '.join(last)} (a machine with closed chains is no serial arm)"
         )
     raise InputError(
         f"{path}: several ends of the arm; give --tip: {', '.join(last)} (or a link before them)"
@@ -296,9 +296,9 @@ def _require_first(axis: tuple[Array, Array], chain: Chain, path: Path) -> None:
     if _leads_to(*axis):
         return
     links = " or ".join(_bases(chain))
-    hint = f"give --base {links}" if links else "add a link that does as a base to the URDF"
+    hint = f"give --base {links}" if links else "add a suitable base link to the URDF"
     raise InputError(
-        f"{path}: the first axis has to cut the base's x axis at a right angle; {hint}"
+        f"{path}: the first axis has to intersect the base's x axis at a right angle; {hint}"
     )
 
 

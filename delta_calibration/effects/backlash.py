@@ -122,10 +122,10 @@ class Backlash(Effect):
         return (
             "backlash held by weight",
             "joint_zero_offset",
-            f"weight turns {joints} the same way at all poses: play that it holds on one flank "
-            "does not show, whichever side a pose is approached from",
-            "measure with the weight balanced or turned round: a spring or a counterweight on "
-            "the arms",
+            f"the torque of the weight on {joints} has the same sign at all poses: it closes the "
+            "backlash, which is then not visible from either side of approach",
+            "measure with the weight balanced or its torque reversed (spring or counterweight on "
+            "the arms)",
         )
 
     def wrong(self) -> str:

@@ -56,7 +56,7 @@ class BaseCompliance(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         REPAIR,
         "feet of the base",
-        "tighten, level or stiffen what the base stands on, and calibrate again",
+        "tighten, level or stiffen the feet or floor under the base, and calibrate again",
         "hold a dial gauge from the floor to the base and drive the platform from side to side",
     )
     kind: ClassVar[str] = "structure"

@@ -25,9 +25,9 @@ class CableElasticity(CableEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "cables",
-        "compensate the cables' stretch",
-        "repeat ten poses with a second payload: the platform goes down by what the cables' "
-        "stiffness says",
+        "compensate the elongation of the cables",
+        "repeat ten poses with a second payload: the platform sinks by the amount that the "
+        "stiffness of the cables predicts",
     )
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)

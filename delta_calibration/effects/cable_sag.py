@@ -32,8 +32,9 @@ class CableSag(CableEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "cables",
-        "compensate the cables' sag, or tighten them",
-        "repeat ten poses with the cables tighter: the error falls with the square of the pull",
+        "compensate the sag of the cables, or tighten them",
+        "repeat ten poses with the cables tighter: the error decreases with the square of the "
+        "tension",
     )
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("payload",)

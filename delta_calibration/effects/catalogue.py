@@ -106,7 +106,7 @@ def effect_named(
     """
     known: dict[str, type[Effect]] = {**EFFECTS, UNEXPLAINED: Unexplained, FOUND_LAW: FoundLaw}
     if cause not in known:
-        raise InputError(f"no effect {cause!r}; there are: {', '.join(known)}")
+        raise InputError(f"no effect {cause!r}; choose from: {', '.join(known)}")
     effect = known[cause](robot, mechanism)
     if not effect.suits:
         raise InputError(f"effect {cause}: {effect.unsuited}")

@@ -30,8 +30,8 @@ class DrumBuildUp(CableEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "drums",
-        "compensate the cable's layers on the drums",
-        "wind one turn off a full and off an empty drum and measure either length",
+        "compensate the layers of cable on the drums",
+        "unwind one turn from a full and from a nearly empty drum and compare the lengths",
     )
     kind: ClassVar[str] = "drive"
 

@@ -26,8 +26,8 @@ class DrumScale(CableEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "drums",
-        "enter the drums' true radius",
-        "wind ten turns off a drum and measure the length",
+        "enter the true radius of the drums",
+        "unwind ten turns from a drum and measure the length",
     )
     kind: ClassVar[str] = "drive"
 

@@ -24,8 +24,8 @@ class EncoderEccentricity(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         ADJUST,
         "encoder",
-        "centre the encoder's disc on its shaft, or compensate",
-        "turn the joint once round against a second reading head opposite the first",
+        "centre the disc of the encoder on its shaft, or compensate",
+        "turn the joint once and compare with a second reading head opposite the first",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

@@ -45,7 +45,7 @@ class EncoderInterpolation(HarmonicEffect):
     remedy: ClassVar[Remedy] = Remedy(
         ADJUST,
         "encoder",
-        "set the encoder's reading head and its signals anew, or compensate",
+        "readjust the reading head of the encoder and its signals, or compensate",
         "turn the joint over two periods of its encoder in sixteen steps: the error repeats",
     )
     called: ClassVar[str] = "interpolation error of the encoder"
@@ -62,8 +62,8 @@ class EncoderInterpolation(HarmonicEffect):
         stated = f"joints.{'encoder_periods_per_m' if sliding else 'encoder_lines'}"
         if self.robot.joints.encoder_lines <= 0:
             return f"the robot file does not state {stated}"
-        most = f"at most {(1.0 if sliding else 2 * np.pi) / self._shortest:.4g} can be seen"
-        return f"{stated}: the periods are too short for readings to show; {most}"
+        most = f"at most {(1.0 if sliding else 2 * np.pi) / self._shortest:.4g} can be resolved"
+        return f"{stated}: the periods are too short to be resolved; {most}"
 
     @property
     def parameters(self) -> ParameterSet:

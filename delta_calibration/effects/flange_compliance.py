@@ -57,14 +57,14 @@ class FlangeCompliance(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "tool flange",
-        "tighten the tool and what is between it and the flange, or compensate by the payload",
+        "tighten the tool and all parts between it and the flange, or compensate with the payload",
         "hold a dial gauge from the last link to the tool and hang the payload on it",
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
     gentle: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
-    called: ClassVar[str] = "tool flange that gives"
+    called: ClassVar[str] = "compliance of the tool flange"
     takes: ClassVar[tuple[str, ...]] = (CARRIED, POSE)
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
 

@@ -30,8 +30,8 @@ class ForearmCompliance(DeltaLoadEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "forearms",
-        "compensate the forearms' stretch, or make them stiffer",
-        "repeat ten poses with a second payload: the error grows by as much as the payload",
+        "compensate the elongation of the forearms, or make them stiffer",
+        "repeat ten poses with a second payload: the error grows in proportion to the load",
     )
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE

@@ -188,8 +188,8 @@ class FoundLaw(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "machine",
-        "compensate by the law, within what was measured",
-        "measure what parts it from its rival",
+        "compensate with the law, within the measured range",
+        "make the measurement that distinguishes it from its rival",
     )
 
     on: Stage = Stage.DRIVE

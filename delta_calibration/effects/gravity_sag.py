@@ -46,7 +46,7 @@ class GravitySag(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "drives",
-        "compensate the drives' give, or make them stiffer",
+        "compensate the compliance of the drives, or make them stiffer",
         "hang a known weight on the arm with the motor held and read a dial gauge at its end",
     )
     kind: ClassVar[str] = "drive"
@@ -69,8 +69,8 @@ class GravitySag(Effect):
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
         if any(link.mass for link in self.mechanism.dimensions.links):
-            return "its links' masses are stated: another effect tells their give"
-        return "all its axes are upright and bear no weight"
+            return "the masses of its links are stated: reducer_compliance applies"
+        return "all its axes are vertical and carry no weight"
 
     @property
     def parameters(self) -> ParameterSet:

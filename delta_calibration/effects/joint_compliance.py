@@ -26,7 +26,7 @@ class JointCompliance(DriveCompliance, DeltaLoadEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "drives",
-        "compensate the drives' give, or make them stiffer",
+        "compensate the compliance of the drives, or make them stiffer",
         "hang a known weight on the arm with the motor held and read a dial gauge at its end",
     )
     kind: ClassVar[str] = "drive"

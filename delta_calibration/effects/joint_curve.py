@@ -46,7 +46,7 @@ class JointCurve(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "joint",
-        "compensate the joint's own curve",
+        "compensate with the error curve of the joint",
         "measure the joint alone against a reference encoder",
     )
     kind: ClassVar[str] = "drive"

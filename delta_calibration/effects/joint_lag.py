@@ -25,8 +25,8 @@ class JointLag(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         ADJUST,
         "drive's controller",
-        "raise the gain of the position loop, or feed the speed forward",
-        "compare commanded and actual angle in the drive's own trace",
+        "raise the gain of the position loop, or add speed feed-forward",
+        "compare commanded and actual angle in a trace of the drive",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

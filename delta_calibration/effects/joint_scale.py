@@ -23,8 +23,8 @@ class JointScale(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         ADJUST,
         "drive's settings",
-        "enter the true gear ratio or counts a turn",
-        "turn the motor ten times and measure how far the joint has gone",
+        "enter the true gear ratio or counts per turn",
+        "turn the motor ten times and measure how far the joint has moved",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

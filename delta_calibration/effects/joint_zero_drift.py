@@ -32,7 +32,9 @@ class JointZeroDrift(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
-    outside: ClassVar[str] = "return to one reference pose every ten minutes, over cooling as well"
+    outside: ClassVar[str] = (
+        "return to one reference pose every ten minutes, also while the machine cools down"
+    )
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = LIMITS
     one_of: ClassVar[tuple[str, ...]] = EITHER

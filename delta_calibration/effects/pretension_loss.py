@@ -51,10 +51,10 @@ class PretensionLoss(CableEffect):
         ADJUST,
         "cables",
         "tighten the cables to their pretension, let the drives warm up, and calibrate again",
-        "read the tension of a cable at the reference pose, before the session and after it",
+        "measure the tension of a cable at the reference pose before and after the session",
     )
     kind: ClassVar[str] = "structure"
-    outside: ClassVar[str] = "log the cables' tensions, or return to one reference pose"
+    outside: ClassVar[str] = "log the tensions of the cables, or return to one reference pose"
     takes: ClassVar[tuple[str, ...]] = (JOINT, TIGHTNESS, TIME, POSE, GEOMETRY)
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
@@ -76,7 +76,10 @@ class PretensionLoss(CableEffect):
         if not super().suits:
             return super().unsuited
         if self.cables.pretension > 0:
-            return f"its {self.mechanism.joints} cables have no pretension of their own to lose"
+            return (
+                f"it has no more cables ({self.mechanism.joints}) than degrees of freedom, so "
+                "weight alone determines their tension"
+            )
         return "geometry.pretension_n is 0; more than 0 is needed"
 
     @property

@@ -46,8 +46,8 @@ class PulleyRadius(CableEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "pulleys",
-        "enter the pulleys' radius",
-        "measure the diameter of a pulley's groove",
+        "enter the true radius of the pulleys",
+        "measure the diameter of the groove of a pulley",
     )
     kind: ClassVar[str] = "structure"
     limits: ClassVar[Limits] = {"radius": (0.0, 0.5)}

@@ -25,7 +25,7 @@ class ReducerCompliance(DriveCompliance):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "gear",
-        "compensate the gear's give, or make it stiffer",
+        "compensate the compliance of the gear, or make it stiffer",
         "hang a known weight on the arm with the motor held and read a dial gauge at its end",
     )
     kind: ClassVar[str] = "structure"

@@ -28,6 +28,6 @@ class Remedy:
 AS_FOUND = Remedy(
     COMPENSATE,
     "machine",
-    "compensate it as it was found",
-    "repeat the session: what belongs to the machine comes back",
+    "compensate with the identified values",
+    "repeat the session: an error of the machine appears again",
 )

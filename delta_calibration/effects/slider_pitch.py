@@ -28,8 +28,8 @@ class SliderPitch(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "screw",
-        "enter the screw's true pitch",
-        "drive the carriage over its whole way against a linear scale",
+        "enter the true pitch of the screw",
+        "drive the carriage over its whole travel along a linear scale",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

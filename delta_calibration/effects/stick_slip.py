@@ -37,7 +37,7 @@ class StickSlip(Effect):
         REPAIR,
         "guide or bearing",
         "clean and grease the guide or bearing, or replace it",
-        "creep through the joint's range at the lowest speed and watch the drive's torque",
+        "move the joint through its range at the lowest speed and watch the torque of the drive",
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE

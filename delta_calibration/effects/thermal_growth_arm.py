@@ -18,7 +18,7 @@ class ThermalGrowthArm(ThermalGrowth):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "arms",
-        "compensate by temperature, or let the machine warm up first",
+        "compensate with the temperature, or let the machine warm up first",
         "repeat ten poses cold and warm: arms grow with their temperature",
     )
     part: ClassVar[str] = "arm"

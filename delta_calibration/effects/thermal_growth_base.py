@@ -21,7 +21,7 @@ class ThermalGrowthBase(ThermalGrowth):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "base",
-        "compensate by temperature, or let the machine warm up first",
+        "compensate with the temperature, or let the machine warm up first",
         "repeat ten poses cold and warm: the base grows with its temperature",
     )
     part: ClassVar[str] = "base"

@@ -18,7 +18,7 @@ class ThermalGrowthForearm(ThermalGrowth):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "forearms",
-        "compensate by temperature, or let the machine warm up first",
+        "compensate with the temperature, or let the machine warm up first",
         "repeat ten poses cold and warm: forearms grow with their temperature",
     )
     part: ClassVar[str] = "forearm"

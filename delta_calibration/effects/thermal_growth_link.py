@@ -21,7 +21,7 @@ class ThermalGrowthLink(ThermalGrowth):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "links",
-        "compensate by temperature, or let the machine warm up first",
+        "compensate with the temperature, or let the machine warm up first",
         "repeat ten poses cold and warm: links grow with their temperature",
     )
     part: ClassVar[str] = "link"

@@ -25,12 +25,12 @@ class TimestampLatency(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         ADJUST,
         "clocks",
-        "set the clocks of controller and tracker to each other",
+        "synchronise the clocks of controller and tracker",
         "move one joint back and forth at two speeds: the error doubles with the speed",
     )
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
-    outside: ClassVar[str] = "log the joints' measured angles beside the commanded ones"
+    outside: ClassVar[str] = "log the measured joint angles in addition to the commanded ones"
 
     @property
     def parameters(self) -> ParameterSet:

@@ -25,7 +25,7 @@ class TrackerScale(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         MEASURE,
         "tracker",
-        "have the tracker's scale checked, and measure again",
+        "have the scale of the tracker checked, and measure again",
         "measure a scale bar",
     )
     kind: ClassVar[str] = "measurement"

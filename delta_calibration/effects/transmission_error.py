@@ -34,8 +34,9 @@ class TransmissionError(HarmonicEffect):
     remedy: ClassVar[Remedy] = Remedy(
         COMPENSATE,
         "gear",
-        "compensate the gear's ripple",
-        "turn the motor once in ten steps and measure the joint at each: the error repeats",
+        "compensate the transmission error of the gear",
+        "turn the motor twice, in ten steps per turn, and measure the joint at each step: the "
+        "error repeats",
     )
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"cycles": ("order", "1")}
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5), "second": (0.0, 16.0)}

@@ -95,8 +95,8 @@ class Unexplained(Effect):
     remedy: ClassVar[Remedy] = Remedy(
         MEASURE,
         "machine",
-        "measure what the verdict proposes",
-        "repeat the session: what comes back is the machine's",
+        "make the measurement that the verdict proposes",
+        "repeat the session: an error of the machine appears again",
     )
     kind: ClassVar[str] = "unknown"
     called: ClassVar[str] = "smooth map"

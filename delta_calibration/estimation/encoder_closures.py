@@ -81,7 +81,8 @@ class EncoderClosure(Observation):
         entered = np.swapaxes(free, 1, 2) @ mechanism.closure_by_joints(home, x, g)
         if np.linalg.matrix_rank(entered[0]) < spare:
             raise InputError(
-                f"none: joints enter {np.linalg.matrix_rank(entered[0])} of the {spare} closures "
+                f"none: joints occur in {np.linalg.matrix_rank(entered[0])} of the {spare} "
+                "closures "
                 f"that {mechanism.name} has to spare; all of them are needed"
             )
         return cls(joint, spare, noise)

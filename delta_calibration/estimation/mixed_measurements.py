@@ -153,7 +153,7 @@ def _judged(problem: Problem, solution: Solution) -> MixedFit:
     spread, loose = _spread(white)
     ahead = data.T @ error - problem.expected * solution.z
     if not ahead @ spread @ ahead < _RESTLESS:
-        raise DataError("the fit found no rest: more steps still make it better")
+        raise DataError("the fit did not converge: more steps still improve it")
     told = float(np.trace(spread @ data.T @ data))
     scale = np.diag(problem.basis)[free]
     degrees = solution.at.numbers.sum() - told

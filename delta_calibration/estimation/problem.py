@@ -368,7 +368,12 @@ def solution_at(problem: Problem, z: Array) -> Solution:
         DataError: the model with these unknowns cannot reach a pose.
     """
     own = _state(problem, z, _Loss(), None)
-    _require_reach(problem, own, "the machine that was found", "a longer search may find another")
+    _require_reach(
+        problem,
+        own,
+        "the machine found by the search",
+        "a longer search may find another solution",
+    )
     bend = _bend(own.at.residual, own.at.numbers)
     now = _state(problem, z, _Loss(bend, _GROSS * bend), own.at.pose)
     return _solution(problem, replace(now, evaluations=2))

@@ -63,7 +63,7 @@ def doubt(found: Identification) -> str:
     if found.effort.method not in (*FOUND, DIAGNOSIS):
         return (
             f"{far}: the search by {found.effort.method} has not converged, or {FOUND[0]} leaves "
-            f"as much; fit with {FOUND[0]} first"
+            f"as much error; fit with {FOUND[0]} first"
         )
     if found.chi_square <= _LACKING:
         return (

@@ -28,19 +28,21 @@ Link = Mapping[str, float]
 X = np.array([1.0, 0.0, 0.0])
 _TO_AXIS = ("alpha_rad", "beta_rad", "a_m")
 _CONVENTION = {
-    "units": "metres and radians; a frame's z is its joint's axis, every turn is right-handed",
+    "units": "metres and radians; the z axis of a frame is the axis of its joint; all rotations "
+    "are right-handed",
     "modified": "A_i = R_x(alpha) R_y(beta) T_x(a) R_z(q_i + theta) T_z(d); "
     "base to tool = A_1 ... A_m TOOL",
     "standard": "B_i = R_z(q_i + theta) T_z(d) R_x(alpha) R_y(beta) T_x(a); "
-    "base to tool = R_x(alpha) R_y(beta) T_x(a) of `first`, B_1 ... B_m TOOL, with the tool that "
-    "stands beside them",
-    "tool": "TOOL = T(place) R_z R_y R_x of the mount, then R_x R_y R_z of the turn",
-    "sign_of_joints": "q_i is positive by the right hand about z of frame i; of what the drive "
-    "reads it is q_i = sign (reading - zero), see `drives`. Of a controller that counts a joint "
-    "the other way than that drive, minus its angle is the reading; nothing else changes",
-    "beta": "not zero only at neighbouring axes that are parallel as drawn, whose d is the "
-    "drawing's. A controller without beta (tables of Universal Robots are standard and have none) "
-    "says the same by other d and theta, far from the drawing's; leaving beta out is another arm",
+    "base to tool = R_x(alpha) R_y(beta) T_x(a) of `first`, B_1 ... B_m TOOL, with the TOOL of "
+    "this table",
+    "tool": "TOOL = T(place_m) R_z R_y R_x (angles mount_zyx_rad) R_x R_y R_z (turn_xyz_rad)",
+    "sign_of_joints": "q_i is right-handed about z of frame i. From the reading of the drive, "
+    "q_i = sign (reading - zero), see `drives`. If a controller counts a joint opposite to the "
+    "drive, the reading is minus its angle; nothing else changes",
+    "beta": "not zero only where neighbouring axes are nominally parallel; d keeps its nominal "
+    "value there. A controller without beta (the tables of Universal Robots are standard DH "
+    "without it) describes the same arm with other d and theta, far from the nominal ones; "
+    "setting beta to zero gives a different arm",
 }
 
 
@@ -54,10 +56,7 @@ def dh_tables(calibration: Calibration) -> dict[str, Any]:
     """
     arm, robot = calibration.chain.mechanism, calibration.robot
     if not isinstance(arm, SerialArm):
-        raise InputError(
-            f"robot {robot.name} is a {arm.name}; tables of Denavit and Hartenberg are of a "
-            f"{SerialArm.name}"
-        )
+        raise InputError(f"robot {robot.name} is a {arm.name}; DH tables need a {SerialArm.name}")
     return {
         "robot": {"name": robot.name, "sha256": robot.hash},
         "calibration": {"sha256": calibration.seal, "session": calibration.source},

@@ -37,7 +37,7 @@ def require_points(robot: Robot) -> None:
     if model.joints != model.task_size:
         raise InputError(
             f"robot {robot.name}: {model.joints} joints command {model.task_size} coordinates; "
-            "its corrected commands are not those of any point. `compensate` writes the commands, "
+            "a corrected list of points is not possible. `compensate` writes corrected commands, "
             "`export --format c` corrects them in the controller"
         )
 
@@ -81,6 +81,7 @@ def _require_back(robot: Robot, point: Array, turn: Array, joint: Array) -> None
     bad = np.flatnonzero(~(missed <= _SAME * robot.commanded.joint_size))
     if bad.size:
         raise DataError(
-            f"point {bad[0] + 1}: the drawing's inverse makes another command of its corrected "
-            f"place, {missed[bad[0]]:.3g} {robot.joints.unit} off; `compensate` writes the command"
+            f"point {bad[0] + 1}: the nominal inverse kinematics gives another command for the "
+            f"corrected point, {missed[bad[0]]:.3g} {robot.joints.unit} off; `compensate` writes "
+            "the command"
         )

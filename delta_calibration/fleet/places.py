@@ -96,7 +96,8 @@ def machines_in(
             found.append(Machine(name, own, sessions))
     if not found:
         raise InputError(
-            f"{source}: no machine in it; a folder a machine, with a folder a session, is expected"
+            f"{source}: contains no machine; expected is one folder per machine with one folder "
+            "per session"
         )
     return tuple(found)
 

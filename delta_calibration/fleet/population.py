@@ -93,7 +93,7 @@ def estimate(
     """
     machines, size = data.along.shape
     if machines < FEWEST:
-        raise DataError(f"{machines} machines of this type; priors need {FEWEST} or more")
+        raise DataError(f"{machines} machines of this type; priors need at least {FEWEST}")
     if looked is None:
         looked = Looked(np.ones(machines, dtype=bool), np.ones((machines, 0), dtype=bool))
     population, belief = Population.as_drawn(size), None

@@ -233,8 +233,8 @@ def _written(result: Result, course: _Course, ledger: Ledger) -> tuple[Result, b
     if isinstance(result, Entry):
         if ledger.taken(result):
             told = (
-                f"{result.path}: another session of machine {result.machine!r} has its name, or "
-                "it was changed since; give it a name of its own"
+                f"{result.path}: machine {result.machine!r} has another session of this name, "
+                "or the session was changed since; give it another name"
             )
             result = Failure(result.machine, result.id, result.sha256, told)
         else:

@@ -128,7 +128,7 @@ def called(finding: Mapping[str, Any]) -> str:
 
 
 def _fine(last: Measured) -> tuple[str, str, str, float]:
-    return FINE, "nothing beyond the dimensions, which its calibration has", "nothing", 0.0
+    return FINE, "nothing beyond the dimensions, which are in its calibration", "nothing", 0.0
 
 
 def _caused(last: Measured, findings: Sequence[Mapping[str, Any]]) -> tuple[str, str, str, float]:
@@ -156,7 +156,7 @@ def _unknown(last: Measured, stake: float) -> tuple[str, str, str, float]:
     structure = last.verdict["unknown_structure"]
     moves = spoken(structure["moves_with"] or "nothing that was recorded")
     left = max(stake, structure["rms_mm"] or 0.0)
-    return UNKNOWN, f"structure that no cause explains; it moves with {moves}", "measure", left
+    return UNKNOWN, f"structure that no cause explains; it varies with {moves}", "measure", left
 
 
 def _causes(last: Measured) -> tuple[Mapping[str, Any], ...]:

@@ -33,7 +33,7 @@ class Camera:
             if value.shape != (2,) or not np.isfinite(value).all():
                 raise InputError(f"camera: {name} {value} is not allowed; 2 finite numbers [px]")
         if not (self.focal > 0).all():
-            raise InputError(f"camera: focal {self.focal} is not allowed; over 0 px")
+            raise InputError(f"camera: focal {self.focal} is not allowed; above 0 px")
 
     def image(self, points: NDArray[Any]) -> NDArray[Any]:
         """Pixels of points in the camera's frame, (n, 3) [m] -> (n, 2) [px]; NaN behind it."""

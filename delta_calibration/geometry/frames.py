@@ -73,7 +73,7 @@ def align(source: Array, target: Array, weights: Array | None = None) -> Frame:
     s, t = source - centre_s, target - centre_t
     spreads = [np.linalg.svd(np.sqrt(w) * points, compute_uv=False) for points in (s, t)]
     if any(spread[1] <= _THIN * spread[0] for spread in spreads):
-        raise DataError("a frame needs points off one line: the turn about that line is free")
+        raise DataError("a frame needs points that do not lie on one line")
     u, _, vt = np.linalg.svd((w * t).T @ s)
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))])
     rotation = u @ flip @ vt

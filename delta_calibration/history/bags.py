@@ -101,7 +101,7 @@ def _files(path: str) -> list[tuple[str, Callable[[], BinaryIO]]]:
     for file in system.find(top):
         name = PurePosixPath("/" + file.strip("/")).relative_to("/" + top.strip("/"))
         if ".." in name.parts:
-            raise InputError(f"{path}: holds a file {file!r} that lies outside of it")
+            raise InputError(f"{path}: contains a file {file!r} that lies outside it")
         found.append((str(name), _remote(system, file)))
     return found
 

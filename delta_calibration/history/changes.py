@@ -121,7 +121,7 @@ class History:
         each = ", ".join(
             f"{spoken(cause)} by {figures(100 * speed, 2)} %" for cause, speed in self.drift
         )
-        return (f"slow drift, in parts of the tolerance, from one day to the next: {each}",)
+        return (f"slow drift per day, as a fraction of the tolerance: {each}",)
 
 
 def find_changes(

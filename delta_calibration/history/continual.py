@@ -52,10 +52,13 @@ class Prospect:
         told = [
             f"carried over from {len(names)} session{'' if len(names) == 1 else 's'} "
             f"({names[0]} to {names[-1]}): geometry{f' and {effects}' if effects else ''}",
-            *(f"changed: {change.sentence()}; what was known of it is dropped" for change in now),
+            *(
+                f"changed: {change.sentence()}; its earlier estimates are discarded"
+                for change in now
+            ),
         ]
         if not now:
-            told.append("nothing changed since that this session could show")
+            told.append("this session shows no change since then")
         return tuple(told)
 
     @property
@@ -65,7 +68,7 @@ class Prospect:
             return ""
         return (
             f"the session contradicts its history ({self.odd:.1f} times what drift and noise "
-            "explain); that is believed so much less: measure a whole plan"
+            "explain); the history is given less weight accordingly: measure a whole plan"
         )
 
 
@@ -94,9 +97,9 @@ def prospect(
         old = [each for each in old if each.began < new.began]
     if not old:
         raise DataError(
-            "no session in the history began before this one; an update needs 1 or more"
+            "no session in the history began before this one; an update needs at least one"
             if new is not None
-            else "no session in the history; an update needs 1 or more"
+            else "no session in the history; an update needs at least one"
         )
     every = old if new is None else [*old, new]
     whole = pool_near(pool(old, robot, model), old, robot, model)

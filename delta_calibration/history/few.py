@@ -52,7 +52,7 @@ def pool(sessions: Sequence[Dated], robot: Robot, model: str | None = None) -> P
     done = [sessions[number] for number in order if not is_few(sessions[number].survey)]
     if not done:
         raise DataError(
-            f"no session has {FEWEST} or more places; a machine has to be measured whole once"
+            f"no session has {FEWEST} or more places; the machine must be measured in full once"
         )
     found = pool_whole(done, robot, model)
     for number in order[len(done) :]:

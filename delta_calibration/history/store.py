@@ -43,7 +43,7 @@ from delta_calibration.history.bags import bag_hash, is_there
 
 VERSION = 2
 BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # programs that add sessions
-UPDATED = "update: fitted with what the history says"
+UPDATED = "update: fitted with the results of the history"
 _NAME = 255
 _POSTGRESQL = ("postgresql", "postgres")
 
@@ -134,8 +134,8 @@ class Entry:
         """
         if not is_there(self.path):
             raise InputError(
-                f"session {self.id!r} of machine {self.machine!r} is not at {self.path} any more; "
-                "add it again from where it is now (`delta-cal history add`)"
+                f"session {self.id!r} of machine {self.machine!r} is no longer at {self.path}; "
+                "add it again from its present place (`delta-cal history add`)"
             )
         if bag_hash(self.path) != self.sha256:
             raise InputError(
@@ -243,7 +243,7 @@ class Store:
             if entry.id == name:
                 raise InputError(
                     f"{path}: the history of {machine!r} has another session {name!r}; "
-                    "give this one a name of its own: --id"
+                    "give this one another name with --id"
                 )
         return False
 
@@ -294,7 +294,7 @@ def open_store(url: str, make: bool = False) -> Iterator[Store]:
     """
     file = None if "://" in url else Path(url)
     if file is not None and not make and not file.is_file():
-        raise InputError(f"{url}: no history there; `delta-cal history add` makes one")
+        raise InputError(f"{url}: no history found; `delta-cal history add` creates one")
     if file is not None and not file.absolute().parent.is_dir():
         raise InputError(f"{url}: the folder {file.parent} does not exist")
     engine, url = _engine(url, file)
@@ -342,8 +342,8 @@ def _bring_up(connection: Connection, url: str, make: bool) -> None:
     version = connection.execute(select(_VERSION.c.version)).scalar_one()
     if version > VERSION:
         raise InputError(
-            f"{url}: a history of version {version}, and this program knows {VERSION}: "
-            "made by a newer delta-cal; use that one"
+            f"{url}: a history of version {version}, but this program supports {VERSION}: it was "
+            "written by a newer delta-cal; use that one"
         )
     for step in range(version, VERSION):
         UPGRADES[step](connection)

@@ -52,7 +52,9 @@ class Conditions:
         for name in ("position_cycles", "distance_cycles", "path_cycles", "stations"):
             value, least = getattr(self, name), 5 if name == "stations" else 2
             if not (np.isfinite(value) and value == int(value) and value >= least):
-                raise InputError(f"{name} is {value}; it has to be a whole number from {least} up")
+                raise InputError(
+                    f"{name} is {value}; it has to be a whole number, at least {least}"
+                )
         if not 0.0 < self.speed_fraction <= 1.0:
             raise InputError(f"speed_fraction is {self.speed_fraction}; allowed: above 0, up to 1")
         if not 0.0 <= self.load_fraction <= 1.0:

@@ -42,7 +42,7 @@ class Path:
         """
         along = _arc(command)
         if not along[-1] > 0.0:
-            raise InputError("command stands still; a path has to have a length")
+            raise InputError("the command does not move; a path needs a length")
         at = np.linspace(0.0, along[-1], count)
         apart = float(np.linalg.norm(command[0] - command[-1]))
         finely = np.linspace(0.0, along[-1], FINE * (count - 1) + 1)

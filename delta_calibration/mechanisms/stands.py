@@ -31,6 +31,6 @@ def require_apart(section: Any, name: str, stands: Array, what: str) -> None:
         raise refused(
             section,
             name,
-            f"{len(stands)} {what} at least {as_written(_APART, 'deg')} deg apart: by two in one "
-            "place the platform is not held",
+            f"{len(stands)} {what} at least {as_written(_APART, 'deg')} deg apart: two in the "
+            "same place do not hold the platform",
         )

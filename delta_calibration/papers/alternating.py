@@ -129,7 +129,8 @@ def in_turn(
 def _restless(moved: float, still: float, rounds: int) -> DataError:
     return DataError(
         f"geometry and frame, fitted in turn, still move by {moved:.2g} of their expected size "
-        f"after {rounds} rounds; under {still:g} was wanted: allow more, or fit both at once"
+        f"after {rounds} rounds; under {still:g} was wanted: allow more rounds, or fit both at "
+        "once"
     )
 
 

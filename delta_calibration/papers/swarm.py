@@ -45,8 +45,8 @@ class Box:
         for j, (low, high) in enumerate(zip(self.lower, self.upper, strict=True)):
             if not (np.isfinite([low, high]).all() and low < high):
                 raise InputError(
-                    f"search box: parameter {j + 1} goes from {low:g} to {high:g}; both have to "
-                    "be finite, the second above the first"
+                    f"search box: parameter {j + 1} goes from {low:g} to {high:g}; both must be "
+                    "finite, and the second larger than the first"
                 )
 
     @classmethod

@@ -214,7 +214,7 @@ def candidates(
             return np.concatenate(found)[:count]
     heavy = f" with {max(payloads):g} kg" if any(payloads) else ""
     raise InputError(
-        f"only {sum(map(len, found))} of {count} poses to choose from lie within the limits"
+        f"only {sum(map(len, found))} of {count} candidate poses lie within the limits"
         f"{heavy}; choose a larger radius, less payload or fewer stops"
     )
 

@@ -158,7 +158,7 @@ def _paths(rows: Sequence[Row], robot: Robot, payload: float) -> Iterator[Motion
         if duration <= 0:
             raise way[0].wrong(DURATION, "is not positive")
         if len(way) < 2:
-            raise way[0].wrong(PATH, "has one point only; a path needs two or more")
+            raise way[0].wrong(PATH, "has only one point; a path needs at least two")
         for row in way:
             if row.text.get(PAYLOAD) and _payload(row, payload) != payload:
                 raise row.wrong(

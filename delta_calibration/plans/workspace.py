@@ -66,7 +66,7 @@ def spread(
             return every, turned
     raise InputError(
         f"only {sum(len(points) for points, _ in found)} of {count} points could be placed in the "
-        f"workspace of {robot.source}; a smaller one, or other limits?"
+        f"workspace of {robot.source}; reduce the workspace or change the limits"
     )
 
 

@@ -258,9 +258,10 @@ class _Scan:
         if self._data_ended:
             return self._say(f"is cut off in its index: all {count} messages read")
         torn = (
-            f", {self._torn} of them out of a torn chunk; the rest of that chunk and what came"
+            f", {self._torn} of them from an incomplete chunk; the rest of that chunk and "
+            "everything"
             if self._torn
-            else "; what came"
+            else "; everything"
         )
         what = (
             "damaged inside"

@@ -62,7 +62,7 @@ def preset(name: str) -> Mapping[str, Any]:
         InputError: there is no preset of that name.
     """
     if name not in presets():
-        raise InputError(f"preset {name!r} is not known; there are: {', '.join(presets())}")
+        raise InputError(f"preset {name!r} is not known; choose from: {', '.join(presets())}")
     return presets()[name]
 
 
@@ -92,8 +92,8 @@ def mapping_of(
     if sorted(given) != sorted(_SIDES):
         lacking = next((side for side in _SIDES if side not in given), "nothing")
         raise InputError(
-            f"preset {name} gives {given[0]}; {lacking} are missing: give the table that has "
-            "them by --join FILE --join-preset NAME"
+            f"preset {name} gives {given[0]}; {lacking} are missing: give the table that "
+            "contains them with --join FILE --join-preset NAME"
             if other is None
             else f"presets {name} and {other.preset} both give {given[0]}; one of joints and one "
             "of points are expected"

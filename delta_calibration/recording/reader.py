@@ -179,7 +179,7 @@ class _Assembly:
         wanted = " or ".join(getattr(self._topics, stream) or "(left out)" for stream in streams)
         names = listing(topic.name for topic in self._recording.topics.values())
         return RecordingError(
-            f"no {what}: wanted {wanted}, recorded are {names}; {self._where(streams)}"
+            f"no {what}: expected {wanted}, recorded are {names}; {self._where(streams)}"
         )
 
     def _where(self, streams: Sequence[str]) -> str:

@@ -50,7 +50,7 @@ def read_sqlite(path: Path, recording: RawRecording) -> None:
             recording.complete = False
             count = recording.message_count - before
             recording.notes.append(
-                f"{path.name} is damaged ({_line(error)}): {count} messages read, the rest lost"
+                f"{path.name} is damaged ({_line(error)}): {count} messages read, the rest is lost"
             )
     recording.compressions.add("none")
 

@@ -99,11 +99,11 @@ def found_table(path: Path, option: str = "--preset") -> FoundTable:
         least = 0 if best is None else best.last - best.first
         for program in _programs(path, least):
             raise InputError(
-                f"{path}: its rows are those of preset {program}: {option} {program}, without "
-                "--guess"
+                f"{path}: the table has the format of preset {program}: use {option} {program} "
+                "instead of --guess"
             )
     if best is None:
-        raise InputError(f"{path}: no table in it: no lines of numbers in columns")
+        raise InputError(f"{path}: contains no table (no lines with columns of numbers)")
     form, lines, first, last = best.form, best.lines, best.first, best.last
     width = len(lines[first][1])
     names, there = _names([cells for _, cells in lines[:first]], form, width)

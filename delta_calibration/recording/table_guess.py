@@ -113,8 +113,8 @@ class _Count:
         if self.open[1] > self.open[0]:
             low, high = self.open
             return (
-                "the points do not tell the common zero of the joints: any from "
-                f"{low:.3g} to {high:.3g} {unit} does as well"
+                "the points do not determine the common zero of the joints: any value from "
+                f"{low:.3g} to {high:.3g} {unit} matches equally well"
             )
         return (
             "the direction and zero of the joints were found from the points: compare them with "
@@ -223,9 +223,9 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
         tried = _by_mixed_units(tried, table, robot, found)
     if not tried:
         raise InputError(
-            f"{path}: no {len(robot.joints.names)} columns of joints and 3 of a point in it; "
+            f"{path}: no {len(robot.joints.names)} columns of joints and 3 of a point found; "
             f"columns: {', '.join(table.names)}"
-            + ("" if joined else "; if they are in a second file, name it by --join FILE")
+            + ("" if joined else "; if they are in a second file, give it with --join FILE")
         )
     share, joints, place, joint_unit, place_units = tried[0]
     found.joints, found.place = list(joints), list(place)
@@ -235,8 +235,9 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
         if _by_count(table, robot, found, tried):
             return
         found.doubts.append(
-            "with no choice of columns and units does the nominal robot match the points: perhaps "
-            "joints with another sign, zero or order, another robot, or too few rows at rest"
+            "no choice of columns and units makes the nominal robot match the points: perhaps "
+            "the joints have another sign, zero or order, it is another robot, or there are too "
+            "few rows at rest"
         )
         return
     told = place_units[:1] if len(set(place_units)) == 1 else place_units
@@ -247,7 +248,7 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
     if near:
         _, j, p, ju, pu = near[0]
         found.doubts.append(
-            f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} match nearly as well: look at the "
+            f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} match nearly as well: check the "
             "rows"
         )
 
@@ -273,7 +274,7 @@ def _by_mixed_units(
     if larger[0] < _BETTER * share <= _BETTER * _LIES:
         found.doubts.append(
             f"{', '.join(place)} in {', '.join(larger[4])} match better than all in "
-            f"{tried[0][4][0]}: look at the units"
+            f"{tried[0][4][0]}: check the units"
         )
     return tried
 
@@ -511,8 +512,9 @@ def _doubt_of_differences(table: FoundTable, found: _Found) -> None:
     if set(found_of) == set("xyz"):
         differences = ", ".join(found_of[axis] for axis in "xyz")
         found.doubts.append(
-            f"{', '.join(found.place)}: were these measured, or is it where the tool was to go? "
-            f"Then {differences} have to be added to them (`plus: [{differences}]` in `position`)"
+            f"{', '.join(found.place)}: are these measured positions or commanded ones? To "
+            f"commanded ones, {differences} have to be added (`plus: [{differences}]` in "
+            "`position`)"
         )
 
 
@@ -569,7 +571,7 @@ def _time(table: FoundTable, name: str, unit: str, found: _Found) -> dict[str, A
         return {"time": {"column": name, "unit": "s"}}
     texts = [row[column].strip() for row in table.text if not is_gap(row[column])]
     if all(_DAY.fullmatch(each) for each in texts):
-        found.sure.append(f"{name}: a day without a time of day; it is left out")
+        found.sure.append(f"{name}: a date without a time of day; it is left out")
         return {}
     for form in _FORMATS:
         try:

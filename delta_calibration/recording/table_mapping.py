@@ -159,10 +159,11 @@ def _require_whole(mapping: TableMapping, joints: int) -> None:
     if time is not None and (time.unit == "format") != bool(mapping.time_format):
         raise ConfigError(
             f"{path}: time: unit {time.unit!r} with format {mapping.time_format!r} is not "
-            "allowed; a format, such as '%Y-%m-%d %H:%M:%S', goes with unit format and only there"
+            "allowed; a format, such as '%Y-%m-%d %H:%M:%S', needs unit format, and unit format "
+            "needs one"
         )
     if mapping.stream and time is None:
-        raise ConfigError(f"{path}: missing key time: rows of a stream have one")
+        raise ConfigError(f"{path}: missing key time: rows of a stream need one")
     if mapping.stream and (mapping.moving or mapping.direction):
         raise ConfigError(
             f"{path}: moving and direction are not allowed with rows: stream; both are found from "
@@ -200,14 +201,15 @@ def _require_apart(mapping: TableMapping, joints: Sequence[str]) -> None:
     for use, column in uses:
         if column is not None and first.setdefault(column.name, use) != use:
             raise ConfigError(
-                f"{mapping.source}: {use}: column {column.name!r} is already that of "
-                f"{first[column.name]}; each has its own"
+                f"{mapping.source}: {use}: column {column.name!r} is already used for "
+                f"{first[column.name]}; each needs its own"
             )
     parts = [part for part, _ in mapping.temperature]
     twice = next((part for part in parts if parts.count(part) > 1), None)
     if twice is not None:
         raise ConfigError(
-            f"{mapping.source}: temperature: part {twice!r} is there twice; one column a part"
+            f"{mapping.source}: temperature: part {twice!r} is given twice; one column per part "
+            "is allowed"
         )
 
 
@@ -294,10 +296,13 @@ def _reflectors(data: Mapping[str, Any], where: str) -> tuple[Reflector, ...]:
     beside, first = data.get("reflectors", ()), data["position"]
     if not beside:
         if "place_mm" in first:
-            raise ConfigError(f"{where}: position.place_mm goes with reflectors beside it")
+            raise ConfigError(f"{where}: position.place_mm needs further reflectors")
         return ()
     if "rotation" in data:
-        raise ConfigError(f"{where}: rotation is not allowed beside; the turn is that of these")
+        raise ConfigError(
+            f"{where}: rotation is not allowed together with them; it is computed "
+            "from the reflectors"
+        )
     found = tuple(
         Reflector(
             _places(entry, where), tuple(1e-3 * v for v in entry.get("place_mm", (0.0,) * 3))
@@ -308,8 +313,8 @@ def _reflectors(data: Mapping[str, Any], where: str) -> tuple[Reflector, ...]:
     spread = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
     if spread[1] < _THIN:
         raise ConfigError(
-            f"{where}: place_mm: the places lie on one line, within {1e3 * _THIN:g} mm; three "
-            "that do not are needed to tell a turn"
+            f"{where}: place_mm: the places lie on one line, within {1e3 * _THIN:g} mm; a "
+            "rotation needs three places that do not"
         )
     return found
 

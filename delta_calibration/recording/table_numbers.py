@@ -140,8 +140,8 @@ def _number(row: Row, name: str) -> float:
     if _COMMA.fullmatch((row.text[name] or "").strip()):
         raise row.wrong(
             name,
-            "is not a finite number; decimals take a point, thousands take nothing: -1234.5; "
-            "if the comma is a decimal mark, say so in the mapping: `table: {decimal: ','}`, for "
+            "is not a finite number; use a decimal point and no thousands separator: -1234.5; if "
+            "the comma is the decimal mark, state it in the mapping: `table: {decimal: ','}`, for "
             "a second file below `join` (--mapping-out writes the mapping of a preset)",
         )
     return row.number(name)
@@ -174,7 +174,8 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
     if outside.size:
         raise rows[outside[0]].wrong(
             column.name,
-            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: is it another unit?",
+            f"is {time[outside[0]]:.6g} s; 0 to {_LATEST:.0f} s are allowed: is it in another "
+            "unit?",
         )
     late = np.flatnonzero(np.diff(time) <= 0)
     if late.size:
@@ -182,8 +183,8 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
         how = "is the same as" if time[late[0] + 1] == time[late[0]] else "is before that of"
         raise row.wrong(
             column.name,
-            f"{how} line {before.line}, {(before.text[column.name] or '')!r}; rows have to be in "
-            "the order of time",
+            f"{how} line {before.line}, {(before.text[column.name] or '')!r}; rows must be in "
+            "order of time",
         )
     close = np.flatnonzero(np.diff(time) < _PAUSE)
     if not mapping.stream and close.size:
@@ -225,7 +226,7 @@ def _quaternions(rows: Sequence[Row], turn: Turn) -> Array:
         if bad.size:
             raise rows[bad[0]].wrong(
                 names[0],
-                f"and {', '.join(names[1:])} make a quaternion of length "
+                f"and {', '.join(names[1:])} form a quaternion of length "
                 f"{np.linalg.norm(values[bad[0]]):.4g}; 1 is needed",
             )
         ordered = values if turn.form.endswith("xyzw") else np.roll(values, -1, axis=1)
@@ -262,8 +263,8 @@ def _turns(rows: Sequence[Row], reflectors: Sequence[Reflector]) -> Array:
         if off[worst] > _APART:
             raise row.wrong(
                 reflectors[worst].columns[0].name,
-                f"and those beside it lie {1e3 * off[worst]:.3g} mm from where place_mm has that "
-                f"reflector among the others; {1e3 * _APART:g} mm are allowed",
+                f"and those beside it lie {1e3 * off[worst]:.3g} mm from the place of that "
+                f"reflector relative to the others in place_mm; {1e3 * _APART:g} mm are allowed",
             )
         found[k] = Rotation.from_matrix(frame.rotation).as_quat()
     return found
@@ -275,7 +276,7 @@ def _matrices(rows: Sequence[Row], matrix: Array, names: Sequence[str]) -> Array
     bad = np.flatnonzero((off > _NOT_UNIT) | (np.linalg.det(matrix) < 0))
     if bad.size:
         raise rows[bad[0]].wrong(
-            names[0], f"and {', '.join(names[1:])} make no rotation matrix (row by row)"
+            names[0], f"and {', '.join(names[1:])} do not form a rotation matrix (row by row)"
         )
     return np.asarray(Rotation.from_matrix(matrix).as_quat())
 
@@ -306,7 +307,7 @@ def _celsius(rows: Sequence[Row], mapping: TableMapping) -> Array:
         raise rows[row].wrong(
             columns[column].name,
             f"{columns[column].unit} is {celsius[row, column]:.0f} deg C; -60 to 200 are allowed: "
-            "likely another of degC, degF, K",
+            "likely in another unit (degC, degF, K)",
         )
     return np.asarray(celsius)
 

@@ -53,7 +53,7 @@ def paired(
             return _joined(left, right, rows, {"file": file, **join, **_form(right)}, note)
     columns = " and ".join(", ".join(table.names) for table in (left, right))
     raise InputError(
-        f"{path} and {other.file}: rows do not go together by {other.by or 'name, row or time'}: "
+        f"{path} and {other.file}: rows cannot be matched by {other.by or 'name, row or time'}: "
         f"{len(left.text)} and {len(right.text)} rows; columns {columns}"
         f"{_how_far(left, right, other)}{_first_rows(left, right, other)}"
     )
@@ -65,8 +65,8 @@ def _first_rows(left: FoundTable, right: FoundTable, other: Other) -> str:
     if other.by not in ("", "row") or len(left.text) == len(right.text):
         return ""
     return (
-        f"; if the first {short} rows of both belong together, save those of the longer table as "
-        "a file of their own"
+        f"; if the first {short} rows of both belong together, save those rows of the longer "
+        "table as a separate file"
     )
 
 

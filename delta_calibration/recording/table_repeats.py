@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 _CHANCE = 1e-4  # probability of so many equal rows by rounding; below it they are copies
 _SHOWN = 6  # ranges of lines in a message, at most
-_WAYS = "`repeated: skip` in the mapping leaves {} out, `keep` believes {}"
+_WAYS = "`repeated: skip` in the mapping leaves {} out, `keep` uses {}"
 
 
 def new_rows(
@@ -52,7 +52,7 @@ def new_rows(
         if not new[k] and mapping.repeated == "refuse":
             raise row.wrong(
                 mapping.position[0].name,
-                f"and all else in it repeats line {rows[k - 1].line} to the last digit; "
+                f"and the rest of this row repeats line {rows[k - 1].line} to the last digit; "
                 f"{_WAYS.format('it', 'it')}",
             )
     if not new.all():

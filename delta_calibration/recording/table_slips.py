@@ -59,15 +59,15 @@ def order_slips(mapping: TableMapping) -> Iterator[Slip]:
         mapping.position,
         "",
         f"{', '.join(c.name for c in mapping.position)} in a left-handed frame (two swapped, or "
-        "one of the other sign)",
+        "one with the opposite sign)",
         lambda way: (way[0], way[1] * [-1.0, 1.0, 1.0]),
     )
     for k, column in enumerate(commands):
-        said = f"{column.name} of the other sign (`scale: {-column.scale:g}`)"
+        said = f"{column.name} with the opposite sign (`scale: {-column.scale:g}`)"
         yield Slip((column,), "", said, _reversed([k], commands))
     if len(commands) > 1:
         every = range(len(commands))
-        yield Slip(commands, "", "all joints of the other sign", _reversed(every, commands))
+        yield Slip(commands, "", "all joints with the opposite sign", _reversed(every, commands))
     for a, b in combinations(range(len(commands)), 2):
         one, other = commands[a], commands[b]
         if (one.factor, one.scale, one.offset) == (other.factor, other.scale, other.offset):

@@ -92,9 +92,15 @@ class Form:
                 f"{where}: decimal {form.decimal!r} is not allowed with {other} {form.decimal!r}"
             )
         if form.columns and form.header_line:
-            raise ConfigError(f"{where}: header_line goes with names in the file, without columns")
+            raise ConfigError(
+                f"{where}: header_line is for files that contain the column names, "
+                "without `columns`"
+            )
         if form.first_line and not form.columns:
-            raise ConfigError(f"{where}: first_line goes with columns, which it has no line for")
+            raise ConfigError(
+                f"{where}: first_line is for files without a line of column names; it "
+                "needs `columns`"
+            )
         return form
 
     @property
@@ -177,12 +183,12 @@ def _read(path: Path, names: Sequence[str], form: Form, needed: Sequence[str]) -
     require_columns(path, found, needed, (), form.delimiter)
     twice = sorted({name for name in names if found.count(name) > 1})
     if twice:
-        raise InputError(f"{path}: column {', '.join(twice)} is there twice")
+        raise InputError(f"{path}: column {', '.join(twice)} is given twice")
     form, said = _by_marks(form, _mapped(lines[head + 1 :], found, names), path)
     notes = (*notes, *said)
     rows = tuple(_row(path, line, cells, found, form) for line, cells in lines[head + 1 :])
     if not rows:
-        raise InputError(f"{path}: no points in it")
+        raise InputError(f"{path}: contains no points")
     return Source(rows, notes)
 
 
@@ -221,7 +227,9 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
     if data.startswith(_WORKBOOK):
         lines = list(_sheet(path, data, form))
     elif form.sheet:
-        raise InputError(f"{path}: sheet {form.sheet!r} of the mapping: it is a text, no workbook")
+        raise InputError(
+            f"{path}: sheet {form.sheet!r} of the mapping: the file is a text, not a workbook"
+        )
     else:
         text, notes = _text(path, data, form)
         lines = list(_matches(path, text, form) if form.pattern else _cut(path, text, form))
@@ -230,7 +238,7 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
     if form.more:
         lines = [(line, cells[: len(form.columns)]) for line, cells in lines]
     if not lines:
-        raise InputError(f"{path}: no points in it")
+        raise InputError(f"{path}: contains no points")
     return lines, notes
 
 
@@ -248,8 +256,8 @@ def _require_points(path: Path, form: Form, lines: Sequence[tuple[int, list[str]
         line, cells = rows[0]
         raise InputError(
             f"{path}: line {line}: {len(cells)} values, but {len(form.columns)} columns, and no "
-            "decimal point in the file: are its decimals parted by commas, as its columns are? "
-            "Export it with decimal points, or with another mark between columns"
+            "decimal point in the file: does it use commas both for decimals and between "
+            "columns? Export it with decimal points, or with another separator between columns"
         )
 
 
@@ -299,7 +307,7 @@ def _matches(path: Path, text: str, form: Form) -> Iterator[tuple[int, list[str]
         end = match.start()
         yield line, [match[name] or "" for name in form.columns]
     if not matches:
-        raise InputError(f"{path}: nothing in it has the format of the preset")
+        raise InputError(f"{path}: nothing in the file has the format of the preset")
 
 
 def _text(path: Path, data: bytes, form: Form) -> tuple[str, tuple[str, ...]]:
@@ -328,7 +336,7 @@ def _sheet(path: Path, data: bytes, form: Form) -> Iterator[tuple[int, list[str]
     """Rows of a workbook's sheet, with all digits of the numbers."""
     sheets = _workbook(path, data)
     if form.sheet and form.sheet not in sheets:
-        raise InputError(f"{path}: no sheet {form.sheet!r}; there are: {listed(list(sheets))}")
+        raise InputError(f"{path}: no sheet {form.sheet!r}; choose from: {listed(list(sheets))}")
     sheet = sheets[form.sheet] if form.sheet else next(iter(sheets.values()))
     return _rows_of(path, sheet)
 
@@ -353,10 +361,10 @@ def _workbook(path: Path, data: bytes) -> dict[str, Any]:
     except InputError:
         raise
     except Exception as error:  # a damaged or renamed archive fails in many ways
-        raise InputError(f"{path}: is no workbook (xlsx): {error}") from error
+        raise InputError(f"{path}: is not a workbook (xlsx): {error}") from error
     sheets = {sheet.title: sheet for sheet in book.worksheets}
     if not sheets:
-        raise InputError(f"{path}: has no sheet of cells")
+        raise InputError(f"{path}: has no sheet with cells")
     return sheets
 
 
@@ -373,8 +381,8 @@ def _rows_of(path: Path, sheet: Any) -> Iterator[tuple[int, list[str]]]:
         size += len(row)
         if number > _MOST_ROWS or size > _MOST_CELLS:
             raise InputError(
-                f"{path}: has more than {_MOST_ROWS} lines or {_MOST_CELLS} cells; export a text "
-                "file of those that are wanted"
+                f"{path}: has more than {_MOST_ROWS} lines or {_MOST_CELLS} cells; export the "
+                "part you need to a text file"
             )
         cells = ["" if value is None else _cell(value) for value in row]
         while cells and not cells[-1]:
@@ -394,7 +402,7 @@ def _header(
     if form.header_line:
         rows = [k for k, (line, _) in enumerate(lines) if line == form.header_line]
         if not rows:
-            raise InputError(f"{path}: header_line {form.header_line}: there is nothing in it")
+            raise InputError(f"{path}: header_line {form.header_line}: this line is empty")
         return rows[0]
     found = [len(set(names) & {cell.strip() for cell in cells}) for _, cells in lines[:_PREAMBLE]]
     return int(np.argmax(found))
@@ -404,8 +412,8 @@ def _row(path: Path, line: int, cells: list[str], names: Sequence[str], form: Fo
     """Row of a line; more cells than columns are refused: `1,5,2,5` is not 1.5 and 2.5."""
     if len(cells) > len(names):
         raise InputError(
-            f"{path}: line {line}: {len(cells)} values, but {len(names)} columns; decimals take a "
-            "point, not a comma (table.decimal and delimiter in the mapping say otherwise)"
+            f"{path}: line {line}: {len(cells)} values, but {len(names)} columns; use a decimal "
+            "point, not a comma (or set table.decimal and delimiter in the mapping)"
         )
     plain = (
         [form.plain(cell) for cell in cells] if form.decimal != "." or form.thousands else cells
@@ -430,8 +438,8 @@ def _require_all(
     both = [name for name in names if name in in_left & in_right]
     if both:
         raise InputError(
-            f"{path}, {join.file}: column {', '.join(both)} is in both; name the columns of one "
-            "by `columns` in the mapping"
+            f"{path}, {join.file}: column {', '.join(both)} is in both; rename the columns of "
+            "one with `columns` in the mapping"
         )
 
 
@@ -461,8 +469,8 @@ def _joined(
 def _by_row(left: Sequence[Row], right: Sequence[Row], join: Join, path: Path) -> list[int | None]:
     if len(left) != len(right):
         raise InputError(
-            f"{path} has {len(left)} rows, {join.file} {len(right)}: to join them row by row "
-            "both need the same number; join.by: column or nearest uses a column of each"
+            f"{path} has {len(left)} rows, {join.file} {len(right)}: joining row by row needs "
+            "equal numbers; with join.by column or nearest, a column of each is used"
         )
     return list(range(len(right)))
 

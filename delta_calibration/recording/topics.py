@@ -67,7 +67,8 @@ class Topics:
             found = sorted(name for name in names if name.endswith(f"/{bare}"))
         if len(found) > 1:
             raise RecordingError(
-                f"{' and '.join(found)} all fit {wanted}: say which by --topic {stream}={found[0]}"
+                f"{' and '.join(found)} all match {wanted}: choose one with --topic "
+                f"{stream}={found[0]}"
             )
         if not found and wanted != getattr(DEFAULT_TOPICS, stream):
             raise RecordingError(

@@ -143,7 +143,7 @@ def _require_days(text: str, entry: str, source: str) -> None:
     try:
         _days(text) if text != NOT_STATED else None
     except ValueError as error:
-        raise ConfigError(f"{source}: {entry}: {text!r} is no day of the calendar") from error
+        raise ConfigError(f"{source}: {entry}: {text!r} is not a date of the calendar") from error
 
 
 def _days(text: str) -> tuple[date, date]:

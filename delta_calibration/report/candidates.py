@@ -111,8 +111,9 @@ def evidence_table(found: Diagnosis) -> Table:
         ("candidate", "chi square", "parameters", "ln B", "p", "tries", "confidence"),
         tuple(_row(score, scan, findings) for score in best_of_each(scan)),
         "p: probability that chance gives as large a decrease, multiplied by the number of "
-        "questions and shapes tried. ln B: less what the choice of a shape costs, of a map that "
-        "of its size and width. Confidence: probability that the name in the verdict is right, "
+        "questions and shapes tried. ln B: logarithm of the Bayes factor, reduced by a penalty "
+        "for the choice of a shape (for a map, of its size and width). Confidence: probability "
+        "that the name in the verdict is right, "
         "with everything else in the model.",
     )
 

@@ -85,7 +85,7 @@ class Certificate:
         if not np.isfinite(found).any():
             raise DataError(
                 f"{self.examined.poses.source}: no measured place is in the calibrated region: "
-                "is the calibration of another part of the workspace?"
+                "does the calibration belong to another part of the workspace?"
             )
         return found
 

@@ -51,9 +51,9 @@ def histogram_figure(certificate: Certificate) -> Figure:
     ]
     tolerance, beyond = certificate.about.tolerance, ""
     if tolerance is not None and MM * tolerance > ends[-1]:
-        beyond = f"The tolerance of {MM * tolerance:g} mm lies to the right of what is shown."
+        beyond = f"The tolerance of {MM * tolerance:g} mm lies outside the plot, to the right."
     elif tolerance is not None and MM * tolerance < ends[0]:
-        beyond = f"The tolerance of {MM * tolerance:g} mm lies to the left of what is shown."
+        beyond = f"The tolerance of {MM * tolerance:g} mm lies outside the plot, to the left."
     elif tolerance is not None:
         marks.append(Rule("tolerance", MM * tolerance, GREY, upright=True))
     axis = Axis("3-D error [mm]", log=log, low=float(ends[0]), high=float(ends[-1]))

@@ -33,7 +33,7 @@ def require_valid(path: Path, folder: Path) -> None:
     xmlschema = required("xmlschema", "--dcc-schema")
     files = _by_namespace(folder)
     if DCC not in files:
-        raise InputError(f"--dcc-schema {folder}: no schema of {DCC} (dcc.xsd) in it")
+        raise InputError(f"--dcc-schema {folder}: contains no schema of {DCC} (dcc.xsd)")
     others = {space: str(file) for space, file in files.items() if space != DCC}
     try:
         schema = xmlschema.XMLSchema(str(files[DCC]), locations=others, allow="local")
@@ -44,7 +44,7 @@ def require_valid(path: Path, folder: Path) -> None:
         f"{fault.path}: {fault.reason}" for fault in islice(schema.iter_errors(str(path)), _TOLD)
     ]
     if wrong:
-        raise DataError(f"{path}: not as {files[DCC]} asks: " + "; ".join(wrong))
+        raise DataError(f"{path}: does not conform to {files[DCC]}: " + "; ".join(wrong))
 
 
 def _by_namespace(folder: Path) -> dict[str, Path]:
@@ -55,7 +55,7 @@ def _by_namespace(folder: Path) -> dict[str, Path]:
             try:
                 space = ElementTree.parse(file).getroot().get("targetNamespace")
             except ElementTree.ParseError as error:
-                raise ConfigError(f"--dcc-schema {file}: no XML: {error}") from error
+                raise ConfigError(f"--dcc-schema {file}: not XML: {error}") from error
             if space:
                 found.setdefault(space, file)
     return found

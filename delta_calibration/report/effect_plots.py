@@ -173,7 +173,7 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
         "residual_left",
         "Residuals of the extended model",
         "Residuals of the fit at the poses; dotted: two standard deviations of the noise. "
-        f"Probability that chance makes neighbours as similar in: {told}.",
+        f"Probability that neighbours are as similar by chance, in: {told}.",
         panels,
         columns=3,
     )

@@ -86,7 +86,7 @@ def page_of_fleet(
             Section(
                 "machines",
                 "All machines",
-                (f"Lately is within {lately_days} days.",),
+                (f"Lately means within {lately_days} days.",),
                 tables=(_all(fleet), *_failed(fleet, never)),
             ),
         ),
@@ -122,14 +122,14 @@ _COUNTED = {
     STALE: "not measured lately",
 }
 _AT_STAKE = (
-    "At stake: the error that a visit may take away, what the calibrated dimensions leave beyond "
-    "the extended model, or what a change moves the tool by. Machines with most at stake come "
-    "first, then those that were not measured for longest."
+    "At stake: the error that a visit can remove. It is the error of the calibrated model in "
+    "excess of the extended model, or the displacement of the tool by a change. Machines with "
+    "most at stake come first, then those that were not measured for longest."
 )
 _HOW_SHARED = (
-    "A cause is shared where more machines have it than chance explains, by how often all other "
-    "causes of this fleet are found; p is the chance of as many anywhere. Perhaps: p is 0.001 or "
-    "more, and under 0.05."
+    "A cause is shared if more machines have it than chance explains, given how often all other "
+    "causes are found in this fleet; p is the probability of as many by chance anywhere in the "
+    "fleet. Perhaps: p is 0.001 or more, and below 0.05."
 )
 
 
@@ -151,14 +151,14 @@ def _first(visits: Sequence[Standing]) -> str:
 def _sharing(shared: Sequence[Shared]) -> str:
     sure = [_shares(each) for each in shared if each.sure]
     perhaps = [_shares(each) for each in shared if not each.sure]
-    told = [f"{'; '.join(sure)}. Look at what these machines have in common."] if sure else []
+    told = [f"{'; '.join(sure)}. Check what these machines have in common."] if sure else []
     told += [f"perhaps {'; '.join(perhaps)}."] if perhaps else []
-    return " ".join(map(capital, told)) or "Nothing that chance would not explain."
+    return " ".join(map(capital, told)) or "Nothing beyond what chance explains."
 
 
 def _shares(each: Shared) -> str:
     return (
-        f"{each.what} in {len(each.machines)} of {each.of} machines, where chance gives "
+        f"{each.what} in {len(each.machines)} of {each.of} machines, expected by chance "
         f"{figures(each.expected, 2)} (p {_p(each.p_value)})"
     )
 
@@ -192,7 +192,7 @@ def _shared(shared: Sequence[Shared]) -> Table:
         for each in shared
     )
     head = ("what", "machines", "which", "by chance", "p")
-    caption = "" if rows else "Nothing is shared that chance would not explain."
+    caption = "" if rows else "Chance explains everything that machines share."
     return Table("shared", "", head, rows, caption, words=(0, 2))
 
 
@@ -203,7 +203,7 @@ def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
     if not counted:
         return ()
     rows = tuple((cause, str(count)) for cause, count in counted)
-    caption = f"Of {len(fleet)} machines, by the last verdict of each."
+    caption = f"{len(fleet)} machines, last verdict of each."
     title = "Most frequent causes"
     return (Table("frequent", title, ("cause", "machines"), rows, caption, words=(0,)),)
 
@@ -225,7 +225,7 @@ def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
         tuple(marks),
         tall=1.2,
     )
-    caption = "A point a machine: the error that the model of its last session leaves."
+    caption = "One point per machine: the error that the model of its last session leaves."
     return Figure("errors", "Machines by state", caption, (panel,), columns=1)
 
 

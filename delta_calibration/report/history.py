@@ -85,8 +85,8 @@ def _log(found: History) -> Table:
         "Change log",
         ("between", "what", "where", "from", "to", "change", "sure", "or"),
         tuple(_row(change) for change in found.changes),
-        "With standard errors. Sure: probability that cause, place and time are right; or: what "
-        "else it may have been.",
+        "With standard errors. Sure: probability that cause, place and time are right. Or: "
+        "alternatives.",
         words=(0, 1, 2, 7),
     )
 
@@ -107,8 +107,9 @@ def _courses(found: History) -> tuple[Figure, ...]:
     if not found.changes:
         return ()
     caption = (
-        "What each session says of a number that changed, with its standard error; all else is "
-        "taken as all sessions together have it. The line: before and behind the change."
+        "Estimate of a changed parameter from each session, with its standard error; all other "
+        "parameters have their estimates from all sessions. The line shows the value before and "
+        "after the change."
     )
     numbers: dict[tuple[str, str | None, str], list[Change]] = {}
     for change in found.changes:

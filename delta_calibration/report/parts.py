@@ -46,7 +46,8 @@ def dimensions_figure(found: Identification) -> Figure:
     return Figure(
         "dimensions",
         "Deviations from the drawing",
-        f"The {len(order)} clearest of {len(items)} dimensions in units of their tolerances (one "
+        f"The {len(order)} most significant of {len(items)} dimensions in units of their "
+        "tolerances (one "
         "standard deviation of the parts), with 95 % intervals. Dotted: one tolerance.",
         (
             Panel(

@@ -93,7 +93,8 @@ def _require_letters(pdf: Any, report: Report) -> None:
         lacking = sorted({letter for letter in text if ord(letter) not in known} - {"\n"})
         if lacking:
             raise InputError(
-                f"a PDF's font has no letters {' '.join(lacking)} (of {text!r}); write HTML and "
+                f"the font of the PDF has no letters {' '.join(lacking)} (of {text!r}); write "
+                "HTML and "
                 "print it"
             )
 

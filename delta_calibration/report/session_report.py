@@ -118,7 +118,7 @@ def verdict_section(verdict: Verdict) -> Section:
                     "signal λ",
                     "held-out error, without it → with it [mm]",
                     "gain, 95 % [1]",
-                    "alike in this session; what would tell",
+                    "indistinguishable in this session; how to separate them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
@@ -129,7 +129,7 @@ def verdict_section(verdict: Verdict) -> Section:
             Table(
                 "cannot_tell",
                 "What this session cannot distinguish",
-                ("which", "because", "what would tell"),
+                ("which", "because", "how to separate them"),
                 tuple((between(e), e.because, e.next) for e in verdict.cannot_tell),
                 words=(0, 1, 2),
             )

@@ -142,7 +142,9 @@ class CalibrationNode(SafeLifecycleNode):
         topic, joints = partial(topic_named, self._settings), desk.robot.joints
         trajectories, trajectory_input = topic("trajectory_controller"), topic("trajectory_input")
         if trajectory_input and not trajectories:
-            raise InputError("parameter trajectory_input: wants a trajectory_controller to go to")
+            raise InputError(
+                "parameter trajectory_input: needs a trajectory_controller to send to"
+            )
         self._controllers = Controllers(
             self,
             joints.names,
@@ -213,7 +215,7 @@ class CalibrationNode(SafeLifecycleNode):
         """Stop sending."""
         self._active = False
         if self._trajectories.drop():
-            self.get_logger().warn("deactivated: a trajectory that was worked on is not sent")
+            self.get_logger().warn("deactivated: the trajectory in progress is not sent")
         self._process.release()
         if self._desk is not None and self._desk.capture.running:
             self.get_logger().warn(f"deactivated: {self._desk.stop_capture()}")
@@ -500,7 +502,7 @@ class CalibrationNode(SafeLifecycleNode):
         """Warn if another node also sends commands to the drives, which follow each in turn."""
         senders = self.count_publishers(self._out.topic_name)
         if self._active and senders > 1:
-            told = f"{senders} nodes send it; the drives follow each in turn"
+            told = f"{senders} nodes publish it; the drives follow all of them alternately"
             desk.watch.trouble(self._out.topic_name, told, time.monotonic())
 
     def _health(self) -> Health:

@@ -29,8 +29,8 @@ SPECS = (
     Spec(
         "table",
         "",
-        "file of a table of corrections for configure and ~/reload, with method table; empty: "
-        "the table is made then",
+        "file with a table of corrections for method table, read at configure and ~/reload; "
+        "empty: the table is computed then",
         path=True,
     ),
     Spec(
@@ -95,34 +95,40 @@ SPECS = (
     Spec(
         "watch_false_alarms",
         0.0,
-        "false alarms a month at most of a watch that tells on diagnostics when readings at rest "
-        "say that the machine is no longer what was calibrated; 0 for no watch; from configure on",
+        "largest number of false alarms per month of the watch, which reports on /diagnostics "
+        "that readings at rest no longer fit the calibration; 0: no watch; takes effect at "
+        "configure",
         range=(0.0, 10.0),
     ),
     Spec(
         "history",
         "",
-        "history that every fit is added to (docs/history.md): a file of SQLite, or a database's "
-        "URL; empty for none",
+        "history to which every fit is added (docs/history.md): an SQLite file or the URL of a "
+        "database; empty for none",
         read_only=True,
         path=True,
     ),
-    Spec("machine", "", "whose history that is", read_only=True),
+    Spec("machine", "", "name of the machine in the history", read_only=True),
     Spec(
         "history_bags",
         "history_bags",
-        "folder that captured sessions are written to for the history",
+        "folder to which captured sessions are written for the history",
         read_only=True,
         path=True,
     ),
     Spec(
         "history_update",
         False,
-        "whether every ~/fit begins with what the history says of the machine; one of fewer than "
-        "12 places always does",
+        "whether every ~/fit uses the results of the earlier sessions in the history; a fit with "
+        "fewer than 12 places always does",
         read_only=True,
     ),
-    Spec("seed", 0, "of the parts held out and of the swarm; from configure on", (0, 2**31 - 1)),
+    Spec(
+        "seed",
+        0,
+        "seed of the random numbers of a fit (held-out parts, swarm); takes effect at configure",
+        (0, 2**31 - 1),
+    ),
     Spec(
         "error_scale",
         100.0,
@@ -132,8 +138,9 @@ SPECS = (
     Spec(
         "realtime_priority",
         0,
-        "priority (SCHED_FIFO) of the node's threads while it is active, 0 for none; refused to "
-        "users without rtprio, which diagnostics say; takes effect at activate",
+        "real-time priority (SCHED_FIFO) of the node's threads while it is active; 0: none. It "
+        "needs the right rtprio; without it, diagnostics report the refusal. Takes effect at "
+        "activate",
         range=(0, 99),
     ),
     Spec("output", "", "calibration file that ~/save writes", path=True),
@@ -146,26 +153,28 @@ SPECS = (
     Spec(
         "command_controller",
         "",
-        "forward_command_controller whose commands topic gets commands too; takes effect at "
-        "configure",
+        "name of a forward_command_controller that also receives the commands (topic commands); "
+        "takes effect at configure",
     ),
     Spec(
         "command_joints",
         ("",),
-        "joints in that controller's order, with what the robot file passes through or without; "
-        "empty for the file's, with it; takes effect at configure",
+        "joints in the order of command_controller, with or without the passed-through axes of "
+        "the robot file; empty: the order of the robot file, with these axes; takes effect at "
+        "configure",
     ),
     Spec(
         "trajectory_controller",
         "",
-        "joint_trajectory_controller whose joint_trajectory topic gets commands too, each as a "
-        "trajectory of one point, or what comes on trajectory_input; takes effect at configure",
+        "name of a joint_trajectory_controller that also receives the commands (topic "
+        "joint_trajectory), each as a trajectory of one point, or the trajectories of "
+        "trajectory_input; takes effect at configure",
     ),
     Spec(
         "trajectory_input",
         "",
-        "topic of trajectories to be compensated for trajectory_controller; takes effect at "
-        "configure",
+        "topic of trajectories that are compensated and sent to trajectory_controller; takes "
+        "effect at configure",
     ),
     FRAME_PREFIX,
 )

@@ -49,7 +49,7 @@ class Controllers:
         if order and sorted(order) not in (sorted(names), sorted(every)):
             besides = f", with {list(passed_through)} or without" if passed_through else ""
             raise InputError(
-                f"parameter command_joints: {list(order)}; it has to be {list(names)} in any "
+                f"parameter command_joints: {list(order)}; expected {list(names)} in any "
                 f"order{besides}"
             )
         self._node, self._names, self._given = node, every, commands
@@ -84,7 +84,7 @@ class Controllers:
         why = ""
         if self._commands is not None and max(self._order) >= len(joint):
             lacking = ", ".join(self._names[len(joint) :])
-            why = f"{self._given}: a command without {lacking} is not sent to it; it wants all"
+            why = f"{self._given}: a command without {lacking} is not sent; it needs all joints"
         elif self._commands is not None:
             self._commands.publish(Float64MultiArray(data=array("d", joint[self._order])))
         if as_trajectory and self._trajectories is not None:

@@ -38,7 +38,7 @@ class DataFolder:
         """
         folder = _resolved("data_dir", Path.cwd(), text)
         if not folder.is_dir():
-            raise InputError(f"parameter data_dir: {text!r} is no folder")
+            raise InputError(f"parameter data_dir: {text!r} is not a folder")
         return cls(folder, bool(text))
 
     def path(self, name: str, text: str) -> Path:
@@ -65,5 +65,7 @@ def _resolved(name: str, folder: Path, text: str) -> Path:
         file = (folder / Path(text).expanduser()).resolve()
         file.exists()
     except (OSError, RuntimeError, ValueError) as error:
-        raise InputError(f"parameter {name}: {bounded(text)!r} is no path: {error}") from error
+        raise InputError(
+            f"parameter {name}: {bounded(text)!r} is not a valid path: {error}"
+        ) from error
     return file

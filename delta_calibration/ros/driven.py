@@ -62,7 +62,7 @@ class Driven:
             if managed.state and managed.state != ACTIVE:
                 return f"{name} is {managed.state} and forwards nothing; activate it"
             if now_s - managed.heard_s > SILENT_S:
-                return f"{name} has not said for {SILENT_S:g} s whether it is active"
+                return f"{name} has not reported for {SILENT_S:g} s whether it is active"
         found = self._commands.get_subscription_count()
         if found < self._wanted:
             who = f"only {found} of {self._wanted}" if found else "nobody"

@@ -80,7 +80,7 @@ def _named() -> int:
     """Run the node whose name is the first argument: `python -m delta_calibration.ros.entry`."""
     name = sys.argv.pop(1) if len(sys.argv) > 1 else ""
     if name not in NODES:
-        sys.stderr.write(f"{name!r} is no node; there are: {', '.join(NODES)}\n")
+        sys.stderr.write(f"{name!r} is not a node; choose from: {', '.join(NODES)}\n")
         return InputError.exit_code
     return run_node(name)
 

@@ -100,27 +100,41 @@ SPECS = (
         (4, 1000),
         read_only=True,
     ),
-    Spec("repeats", 3, "searches for each point, averaged", (2, 100), read_only=True),
+    Spec(
+        "repeats",
+        3,
+        "number of searches per point, whose results are averaged",
+        (2, 100),
+        read_only=True,
+    ),
     Spec(
         "unit_deg",
         0.01,
-        "one command unit [deg] of each joint; of one that slides, what goes about as far",
+        "one command unit [deg] of each joint; a sliding joint moves about as far",
         (1e-6, 1.0),
         read_only=True,
     ),
-    Spec("spacing", 16, "command units of the first lattice", (1, 1024), read_only=True),
-    Spec("visits", 2, "of a stop at most, where stops are equal", (1, 100), read_only=True),
+    Spec(
+        "spacing", 16, "spacing of the first lattice in command units", (1, 1024), read_only=True
+    ),
+    Spec(
+        "visits",
+        2,
+        "largest number of times that a stop is measured, if stops are equally good",
+        (1, 100),
+        read_only=True,
+    ),
     Spec(
         "every_node",
         False,
         "measure all neighbours (26 with three joints), without using predictions",
         read_only=True,
     ),
-    Spec("most_moves", 300, "stops of a search at most", (1, 10**6), read_only=True),
+    Spec("most_moves", 300, "largest number of stops in a search", (1, 10**6), read_only=True),
     Spec(
         "largest_deg",
         0.0,
-        "largest correction [deg] of a joint; 0: the robot file's",
+        "largest correction [deg] of a joint; 0: value of the robot file",
         (0.0, 10.0),
         read_only=True,
     ),
@@ -131,9 +145,17 @@ SPECS = (
         (0.0, 10.0),
         read_only=True,
     ),
-    Spec("readings", 10, "tracker readings averaged at a stop", (1, 10**5), read_only=True),
-    Spec("dwell", 0.3, "time [s] at a stop before readings count", (0.0, 3600.0), read_only=True),
-    Spec("patience", 10.0, "time [s] for a stop to be measured", (0.1, 3600.0), read_only=True),
+    Spec(
+        "readings", 10, "number of tracker readings averaged at a stop", (1, 10**5), read_only=True
+    ),
+    Spec(
+        "dwell",
+        0.3,
+        "time [s] to settle at a stop before readings are used",
+        (0.0, 3600.0),
+        read_only=True,
+    ),
+    Spec("patience", 10.0, "time limit [s] for measuring a stop", (0.1, 3600.0), read_only=True),
     RATE,
     SUBSCRIBERS,
     WAIT_FOR_SUBSCRIBER,
@@ -294,12 +316,13 @@ class GridPositioner(BaseNode):
         if trouble or self._here is None:
             self._found = None
             if now - self._created >= limit:
-                states = "no joint_states came" if self._here is None else "joint_states came"
+                states = (
+                    "no joint_states were received" if self._here is None else "joint_states came"
+                )
                 why = ", ".join(filter(None, [trouble, states]))
                 raise DataError(
-                    f"did not begin in {limit:g} s: {why}; the "
-                    "way to the drives is through calibration_node: is it up, and the machine or "
-                    "simulated_tracker?"
+                    f"did not begin within {limit:g} s: {why}; commands reach the drives through "
+                    "calibration_node: are it and the machine (or simulated_tracker) running?"
                 )
             return False
         self._found = now if self._found is None else self._found
@@ -363,7 +386,7 @@ class GridPositioner(BaseNode):
             self.get_logger().warn(f"{text}: {outcome.stop.value}")
         elif outcome.after > outcome.before:
             self.get_logger().warn(
-                f"{text}: not improved; it was already as near as can be measured"
+                f"{text}: not improved; the error was already within the measurement uncertainty"
             )
         else:
             self.get_logger().info(text)

@@ -106,7 +106,7 @@ def _typed(message: bytes) -> JointState:
     try:
         return deserialize_message(message, JointState)
     except (RuntimeError, MemoryError, ValueError) as error:
-        raise InputError(f"JointState: {len(message)} bytes that are none") from error
+        raise InputError(f"JointState: {len(message)} bytes that cannot be decoded") from error
 
 
 def _kernel() -> Any:

@@ -64,7 +64,8 @@ class SafeLifecycleNode(Finishing, ShutToPeers, LifecycleNode):
         """Configure and activate if `autostart` says so; a refusal leaves the node up."""
         if not self._autostart:
             self.get_logger().info(
-                "unconfigured: waits for a lifecycle manager; -p autostart:=true does without"
+                "unconfigured: waiting for a lifecycle manager; with -p autostart:=true the node "
+                "needs none"
             )
         elif self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self.trigger_activate()

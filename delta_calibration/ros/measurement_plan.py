@@ -61,7 +61,13 @@ SPECS = (
         path=True,
         names=PLANS,
     ),
-    Spec("count", 0, "different points; 0: the plan's usual number", (0, 10**5), read_only=True),
+    Spec(
+        "count",
+        0,
+        "number of different points; 0: default of the plan",
+        (0, 10**5),
+        read_only=True,
+    ),
     Spec("dwell", 1.0, "time [s] at each stop", range=(0.0, 3600.0), read_only=True),
     Spec("both_sides", True, "approach each point from both sides", read_only=True),
     RATE,
@@ -217,7 +223,7 @@ class MeasurementPlan(BaseNode):
         late = now - self._begun - self._next / self._hz
         if late > HELD_UP_S:
             self._begun += late
-            self.get_logger().warn(f"held up: the rest of the plan is {late:.2f} s later")
+            self.get_logger().warn(f"delayed: the rest of the plan is {late:.2f} s later")
         due = int((now - self._begun) * self._hz + 0.5) + 1
         for k in range(self._next, min(due, len(motion))):
             self._announce(motion, k)
@@ -232,7 +238,7 @@ class MeasurementPlan(BaseNode):
         """Log the payload where it changes, and progress in tenths."""
         if motion.payload[k] != (motion.payload[k - 1] if k else 0.0):
             self.get_logger().warn(
-                f"the plan wants {motion.payload[k]:g} kg on the platform from here on; "
+                f"the plan needs {motion.payload[k]:g} kg on the platform from here on; "
                 "it does not wait for it"
             )
         tenth = max(motion.leg_count // 10, 1)

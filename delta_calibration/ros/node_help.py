@@ -61,7 +61,7 @@ def _ends(inventory: Inventory) -> Iterator[str]:
         for name, kind in getattr(inventory, does).items():
             yield f"    {does:<10}  {name:<38}  {kind}"
     for part, parameter in inventory.named.items():
-        yield f"    {part}: value of the parameter {parameter}; not used if that is empty"
+        yield f"    {part}: given by the parameter {parameter}; not used if it is empty"
 
 
 def _parameter(spec: Spec) -> Iterator[str]:

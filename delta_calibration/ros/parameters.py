@@ -61,7 +61,7 @@ class Spec:
             if self.range is not None and not self.range[0] <= entry <= self.range[1]:
                 return f"{self.name}: {entry} is not in [{self.range[0]}, {self.range[1]}]"
             if self.choices and entry not in self.choices:
-                return f"{self.name}: {entry!r} is none of {', '.join(self.choices)}"
+                return f"{self.name}: {entry!r} is not one of {', '.join(self.choices)}"
         return None
 
     def descriptor(self) -> ParameterDescriptor:
@@ -91,7 +91,7 @@ DATA_DIR = Spec(
 ROBOT = Spec(
     "robot",
     "srbd",
-    "robot file, or the name of one of the package's",
+    "robot file, or the name of a robot of the package",
     read_only=True,
     path=True,
     names=known_robots(),

@@ -70,7 +70,9 @@ def load_timeline(path: Path, wanted: tuple[str, ...] = (ALL,)) -> Timeline:
         )
     chosen = [m for m in messages if ALL in asked or m.topic.strip("/") in asked]
     if not chosen:
-        raise RecordingError(f"{path}: no topic to play was named; it has {sorted(there)}")
+        raise RecordingError(
+            f"{path}: parameter topics names no topic to play; it has {sorted(there)}"
+        )
     kinds = list(dict.fromkeys((m.topic, m.type_name) for m in chosen))
     index = {kind: i for i, kind in enumerate(kinds)}
     return Timeline(

@@ -208,7 +208,7 @@ def _initialise(argv: list[str]) -> None:
         if others:
             raise InputError(
                 f"unknown argument {others[0]!r}: parameters follow --ros-args, "
-                "as -p name:=value; --help tells of them"
+                "as -p name:=value; see --help"
             )
         rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
     except wrong as error:

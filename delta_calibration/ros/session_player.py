@@ -36,9 +36,9 @@ FAREWELL_S = 0.5  # [s] for the last messages to arrive; an acknowledgement may 
 SPECS = (
     Spec("session", "", "folder or file of the session to play", read_only=True, path=True),
     Spec("topics", (ALL,), "topics to play, by their recorded names; * for all", read_only=True),
-    Spec("rate", 1.0, "speed: seconds of session per second", range=(1e-3, 1e4)),
-    Spec("paused", False, "stand still until this is set to false"),
-    Spec("loop", False, "start again at the end, until stopped"),
+    Spec("rate", 1.0, "speed of the replay relative to the recording", range=(1e-3, 1e4)),
+    Spec("paused", False, "pause the replay until this is set to false"),
+    Spec("loop", False, "start again when the end is reached"),
     Spec("start", 0.0, "offset [s] into the session to start from", (0.0, 1e9), read_only=True),
     Spec("clock", True, "publish /clock", read_only=True),
     Spec("clock_rate", 100.0, "rate [Hz] of /clock", range=(1.0, 500.0), read_only=True),
@@ -145,7 +145,7 @@ class SessionPlayer(BaseNode):
         if lonely and waited_s < limit_s:
             return False
         if lonely and limit_s > 0.0:
-            self.get_logger().warn(f"nobody subscribes to {', '.join(lonely)}")
+            self.get_logger().warn(f"no subscriber on {', '.join(lonely)}")
         return True
 
     def _begin(self, wall_ns: int) -> PlaybackClock:

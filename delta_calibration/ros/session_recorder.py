@@ -44,11 +44,11 @@ SPECS = (
     Spec(
         "topics",
         tuple(topic.name for topic in INPUTS),
-        "topics to record, by the contract's names",
+        "topics to record, by their default names",
         choices=tuple(topic.name for topic in INPUTS),
         read_only=True,
     ),
-    Spec("provenance", ("",), "texts key=value for the session's metadata", read_only=True),
+    Spec("provenance", ("",), "entries key=value for the metadata of the session", read_only=True),
 )
 
 

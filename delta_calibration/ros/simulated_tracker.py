@@ -51,11 +51,18 @@ SAY_AGAIN_S = 2.0  # [s] between two log lines on refused commands
 
 SPECS = (
     ROBOT,
-    Spec("seed", 0, "seed of the simulated machine and of its noise", (0, 2**31), read_only=True),
+    Spec(
+        "seed",
+        0,
+        "seed of the random numbers: the machine and its noise",
+        (0, 2**31),
+        read_only=True,
+    ),
     Spec(
         "scatter",
         1.0,
-        "deviation of the parts in tolerances: 1 for a real machine, 0 for a machine as drawn",
+        "size of the manufacturing errors; 1 draws them from the tolerances, 0 makes a nominal "
+        "machine",
         range=(0.0, 10.0),
         read_only=True,
     ),

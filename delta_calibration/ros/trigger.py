@@ -92,7 +92,9 @@ class Caller(BaseNode):
             return
         name = self._asked.service_name
         if OTHER[self._call.flag is None] in self._served().get(name, ()):
-            way = "takes true or false" if self._call.flag is None else "takes no true or false"
+            way = (
+                "takes true or false" if self._call.flag is None else "does not take true or false"
+            )
             self.fail(InputError(f"{name}: {way}; {USAGE}"))
         elif now >= self._reminder:
             self._reminder = math.inf
@@ -131,7 +133,7 @@ def parse(arguments: Sequence[str]) -> Call:
     flag = FLAGS[rest.pop(0)] if rest and rest[0] in FLAGS else None
     seconds = _seconds(rest.pop(0)) if rest else PATIENCE_S
     if rest:
-        raise InputError(f"argument {rest[0]!r} is too much; {USAGE}")
+        raise InputError(f"argument {rest[0]!r} is one too many; {USAGE}")
     return Call(service, flag, seconds)
 
 

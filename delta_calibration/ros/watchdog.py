@@ -114,6 +114,6 @@ def _place(thread: int) -> str:
     """Describe the present code location of a thread of this process."""
     frame = sys._current_frames().get(thread)
     if frame is None:
-        return "its main thread is gone"
+        return "its main thread has ended"
     last = traceback.extract_stack(frame)[-1]
-    return f"it stands in {last.name}, {os.path.basename(last.filename)}:{last.lineno}"
+    return f"its main thread is in {last.name}, {os.path.basename(last.filename)}:{last.lineno}"
