@@ -1,7 +1,7 @@
 """Make the sessions of this folder again, and the table in README.md: `python bags/make.py`.
 
-Each is a run of `delta-cal simulate`; the seed decides all of it. `python bags/make.py FOLDER`
-makes them elsewhere.
+Each is a run of `delta-cal simulate`, determined by its seed. `python bags/make.py FOLDER` makes
+the sessions in another folder.
 """
 
 from __future__ import annotations
@@ -24,37 +24,37 @@ from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 
 HERE = Path(__file__).parent
-# name: arguments of `delta-cal simulate`, and what the session is for
+# name: arguments of `delta-cal simulate`, and description
 BAGS = {
     "srbd_plain": (
         "--robot srbd --plan identify --count 24 --seed 1",
-        "a machine with manufacturing errors and nothing else: for `fit`",
+        "manufacturing errors only; an example for `fit`",
     ),
     "srbd_backlash": (
         "--robot srbd --plan rich --count 12 --seed 4"
         " --effect backlash:location=joint_2,value=0.0006",
-        "play of 0.6 mrad hidden in joint 2: for `diagnose`",
+        "backlash of 0.6 mrad hidden in joint 2; an example for `diagnose`",
     ),
     "srbd_warm": (
         "--robot srbd --plan rich --count 12 --seed 5"
         " --effect thermal_growth_arm:sensor=arm,value=0.000023",
-        "arms of aluminium that grow while the cell warms up",
+        "aluminium arms that expand while the cell warms up",
     ),
     "linear_delta_plain": (
         "--robot linear_delta --plan identify --count 20 --seed 7",
-        "another mechanism, joints that slide",
+        "another mechanism, with sliding joints",
     ),
 }
-SPREADSHEET = "srbd_plain.csv"  # the stops of srbd_plain as people keep them
-BALLBAR = "scara_ballbar.csv"  # circles of a SCARA with play, by a telescoping ballbar
+SPREADSHEET = "srbd_plain.csv"  # the stops of srbd_plain as a table
+BALLBAR = "scara_ballbar.csv"  # circles of a SCARA with backlash, by a telescoping ballbar
 PLAY = {"backlash": {"location": "joint_2", "value": "0.0006"}}
-BALLBAR_NOISE = 1e-6  # [m] of a length, which is what `delta-cal circle` expects
-PIVOT_OFF = np.array([2e-4, -1e-4, 5e-5])  # [m] of the ball on the table, where it was meant to be
+BALLBAR_NOISE = 1e-6  # [m] of a length, as `delta-cal circle` assumes
+PIVOT_OFF = np.array([2e-4, -1e-4, 5e-5])  # [m] offset of the ball from its nominal place
 TABLE = "<!-- table: bags/make.py -->"
 
 
 def make(name: str, folder: Path) -> Path:
-    """Simulate the session of that name into a folder; what was there of it goes."""
+    """Simulate the session of that name into a folder; an earlier one there is deleted."""
     path = folder / name
     shutil.rmtree(path, ignore_errors=True)
     if run(["simulate", *BAGS[name][0].split(), "--out", str(path)]) != 0:
@@ -63,7 +63,7 @@ def make(name: str, folder: Path) -> Path:
 
 
 def spreadsheet(folder: Path) -> Path:
-    """Write the stops of srbd_plain as a table: degrees, millimetres, minutes."""
+    """Write the stops of srbd_plain as a table in degrees, millimetres and minutes."""
     robot = load_robot("srbd")
     poses = collect(read_session(folder / "srbd_plain"), robot.joints.names)
     path = folder / SPREADSHEET
@@ -77,7 +77,7 @@ def spreadsheet(folder: Path) -> Path:
 
 
 def ballbar(folder: Path) -> Path:
-    """Write the distances of a SCARA's tool from a ball on the table, while it drives circles."""
+    """Write the distances of a SCARA's tool from a ball on the table along circles."""
     robot, seed = load_robot("scara"), 5
     bar = replace(
         robot.tracker,
@@ -106,12 +106,12 @@ def ballbar(folder: Path) -> Path:
 
 
 def sha256(path: Path) -> str:
-    """Of the recording itself, without its `metadata.yaml`."""
+    """Hash of the recording, without its `metadata.yaml`."""
     return hashlib.sha256((path / f"{path.name}_0.mcap").read_bytes()).hexdigest()
 
 
 def table(folder: Path) -> str:
-    """What is in the folder, as rows of Markdown."""
+    """Table of the sessions in the folder, in Markdown."""
     rows = ["| session | what it is | `delta-cal simulate ...` | kB | sha256 of the `.mcap` |"]
     rows.append("|---|---|---|---|---|")
     for name, (arguments, what) in BAGS.items():
@@ -119,9 +119,9 @@ def table(folder: Path) -> str:
         size = sum(file.stat().st_size for file in path.iterdir()) / 1000
         rows.append(f"| `{name}` | {what} | `{arguments}` | {size:.0f} | `{sha256(path)}` |")
     told = (
-        f"`{SPREADSHEET}`: the stops of `srbd_plain` as a spreadsheet has them, deg and mm.\n"
-        f"`{BALLBAR}`: circles of a SCARA with play of 0.6 mrad in joint 2, as a telescoping "
-        "ballbar measures them."
+        f"`{SPREADSHEET}`: the stops of `srbd_plain` as a table in deg and mm.\n"
+        f"`{BALLBAR}`: circles of a SCARA with backlash of 0.6 mrad in joint 2, measured by a "
+        "telescoping ballbar."
     )
     return "\n".join(
         [
@@ -129,14 +129,14 @@ def table(folder: Path) -> str:
             "",
             told,
             "",
-            f"Table made by version {__version__}; what a session was made by stands in its "
-            "`metadata.yaml`.",
+            f"This table was made by version {__version__}; the `metadata.yaml` of a session states "
+            "the version that made the session.",
         ]
     )
 
 
 def main(arguments: list[str]) -> None:
-    """Make them all, here or in another folder."""
+    """Make all sessions, here or in another folder."""
     folder = Path(arguments[0]) if arguments else HERE
     folder.mkdir(parents=True, exist_ok=True)
     for name in BAGS:

@@ -42,7 +42,7 @@ def page(outcomes: Sequence[Outcome], wanted: int, command: str) -> str:
     """All tables as Markdown; `wanted` is the number of outcomes of the complete study."""
     of = {name: [o for o in outcomes if o["group"] == name] for name in _GROUPS}
     head = (
-        "# The diagnosis on trial\n\n"
+        "# How often the diagnosis is right\n\n"
         f"{len(outcomes)} machines, each with a session of its own"
         f"{', as far as the study has come' * (len(outcomes) < wanted)} (of {wanted}). "
         f"Made by `{command}`.\n\n"
