@@ -191,7 +191,7 @@ def test_a_text_that_is_no_path_is_refused_and_ends_no_node(cell: Any, text: str
     (folder / "data" / "loop").symlink_to("loop")
     result = setting(node, "calibration", text)
     assert not result.successful
-    assert "no path" in result.reason
+    assert "not a valid path" in result.reason
     assert setting(node, "calibration", "c.yaml").successful
 
 

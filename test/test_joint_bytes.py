@@ -189,7 +189,7 @@ def test_an_intake_reads_every_layout_and_refuses_what_rclpy_refuses() -> None:
         "joint_2 = nan": serialize_message(typed(list(NAMES), [0.0, np.nan, 0.0])),
         "2 positions for 3": serialize_message(typed(list(NAMES), [0.0, 0.0])),
         "expected each": serialize_message(typed(["a", "b", "c"], Q)),
-        "bytes that are none": serialize_message(typed(list(NAMES), Q))[:40],
+        "bytes that cannot be decoded": serialize_message(typed(list(NAMES), Q))[:40],
     }
     for said, data in bad.items():
         for _ in range(2):

@@ -69,7 +69,7 @@ class GravitySag(Effect):
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
         if any(link.mass for link in self.mechanism.dimensions.links):
-            return "the masses of its links are stated: reducer_compliance applies"
+            return "the masses of its links are stated: the stiffness itself can be identified"
         return "all its axes are vertical and carry no weight"
 
     @property

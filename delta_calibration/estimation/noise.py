@@ -84,11 +84,12 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
+    # if too few to separate noise from conditions: true repeats
+    enough = 3 * _by_conditions(poses, poses.place, slope).degrees >= 2 * _ENOUGH
     poses = _without_gross(poses, covariance, slope)
-    visits = _by_conditions(poses, poses.place, slope)
-    if 3 * visits.degrees < 2 * _ENOUGH:  # too few to separate noise from conditions
-        repeats = _visits(poses.point, poses.repeat)
-        visits = max(visits, repeats, key=lambda each: each.degrees)
+    visits = _visits(poses.point, poses.repeat)
+    if enough:
+        visits = _by_conditions(poses, poses.place, slope)
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
