@@ -129,8 +129,8 @@ def table(folder: Path) -> str:
             "",
             told,
             "",
-            f"This table was made by version {__version__}; the `metadata.yaml` of a session states "
-            "the version that made the session.",
+            f"This table was made by version {__version__}; the `metadata.yaml` of a session "
+            "states the version that made the session.",
         ]
     )
 
