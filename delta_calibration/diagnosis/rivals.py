@@ -64,12 +64,18 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
 
 
 def in_its_place(
-    model: Fitted, term: Candidate, others: Sequence[Score]
+    model: Fitted, term: Candidate, others: Sequence[Score], below: float = np.inf
 ) -> list[tuple[float, Score]]:
     """Scores of others in the place of a term, each with the share of its signal that they make.
 
     A cause that makes most of it is taken in its best shape: a strong signal tells moments and
     time constants between the points where others were searched.
+
+    Args:
+        model: a fit.
+        term: one of its terms.
+        others: scores of other causes.
+        below: share of the signal from which a cause keeps its shape.
     """
     evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
     signal = moved_by(term, evidence, model.scaled(term))
@@ -81,7 +87,7 @@ def in_its_place(
         if length > 0 and not score.candidate.unexplained:
             columns = columns_of(score.candidate, evidence)
             share = reached(evidence.information(columns), columns.T @ weighed) / length
-        if share > KINDRED:
+        if KINDRED < share < below:
             score = replace(score, candidate=in_best_shape(evidence, score.candidate))
         found.append((share, score))
     return found

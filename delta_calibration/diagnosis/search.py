@@ -24,6 +24,7 @@ from delta_calibration.diagnosis.constants import (
     PLAIN,
     REMAINS,
     RIVAL,
+    SAME,
     SOME,
     SWAPS,
 )
@@ -240,7 +241,8 @@ def _in_their_place(model: Fitted, short: tuple[Score, ...]) -> dict[str, Score]
     }
     near = dict.fromkeys(others, 0.0)
     for term in model.terms:
-        for share, score in in_its_place(model, term, tuple(others.values())):
+        # what makes all of the signal already is fitted in any case, as it is
+        for share, score in in_its_place(model, term, tuple(others.values()), SAME**2):
             cause = score.candidate.cause
             if share > near[cause]:
                 near[cause], others[cause] = share, score
