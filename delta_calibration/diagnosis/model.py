@@ -105,7 +105,7 @@ class Model(Fitted):
     def loss(self, samples: float) -> float:
         """Chi square, with each pose that the fit sets aside counted as the least gross error.
 
-        A pose is gross from 12 times the noise on, or the robust spread if that is larger.
+        A pose is gross from `GROSS` times the noise on, or times the spread if that is larger.
         """
         gross = GROSS**2 * max(1.0, self.misfit)
         return float(samples * self.misfit + gross * np.count_nonzero(self.unlike))

@@ -52,7 +52,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     signal = moved_by(term, evidence, model.scaled(term))
     others = [s for s in tried if not s.candidate.same_cause(term)]
     others = [s for s in others if not any(_within(s.candidate, m) for m in rest)]
-    others = [score for _, score in in_its_place(model, term, others)]
+    others = [score for _, score in in_its_place(evidence, signal, others)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     same = equivalents(evidence, signal, others, max(1.0, model.misfit))
     causes = {term.cause, *(candidate.cause for candidate in same)}
@@ -64,29 +64,25 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
 
 
 def in_its_place(
-    model: Fitted, term: Candidate, others: Sequence[Score], below: float = np.inf
+    evidence: LinearizedModel, signal: Array, others: Sequence[Score], below: float = np.inf
 ) -> list[tuple[float, Score]]:
-    """Scores of others in the place of a term, each with the share of its signal that they make.
+    """Scores of others in the place of a cause, each with the share of its signal that they make.
 
-    A cause that makes most of it is taken in its best shape: a strong signal tells moments and
-    time constants between the points where others were searched.
+    One that makes most of it is taken in its best shape: a strong signal determines moments and
+    time constants between the points of the search.
 
     Args:
-        model: a fit.
-        term: one of its terms.
+        evidence: beside the other terms.
+        signal: of the cause, (d n,).
         others: scores of other causes.
         below: share of the signal from which a cause keeps its shape.
     """
-    evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
-    signal = moved_by(term, evidence, model.scaled(term))
     weighed = evidence.weigh(signal[:, None])[:, 0]
-    length = float(signal @ weighed)
-    found = []
+    length, found = float(signal @ weighed), []
     for score in others:
         share = 0.0
         if length > 0 and not score.candidate.unexplained:
-            columns = columns_of(score.candidate, evidence)
-            share = reached(evidence.information(columns), columns.T @ weighed) / length
+            share = _reached_by(score.candidate, evidence, weighed) / length
         if KINDRED < share < below:
             score = replace(score, candidate=in_best_shape(evidence, score.candidate))
         found.append((share, score))
@@ -117,13 +113,18 @@ def equivalents(
     for candidate in (score.candidate for score in others):
         if candidate.unexplained:
             continue
-        columns = columns_of(candidate, evidence)
-        share = reached(evidence.information(columns), columns.T @ weighed) / length
+        share = _reached_by(candidate, evidence, weighed) / length
         if share < SAME**2 or (1 - share) * length > SEPARATED * misfit:
             continue
         if share > near.get(candidate.cause, (0.0, candidate))[0]:
             near[candidate.cause] = share, candidate
     return tuple(c for _, c in sorted(near.values(), key=lambda pair: -pair[0]))
+
+
+def _reached_by(candidate: Candidate, evidence: LinearizedModel, weighed: Array) -> float:
+    """Squared projection of a signal, given weighed, onto the columns of a candidate."""
+    columns = columns_of(candidate, evidence)
+    return reached(evidence.information(columns), columns.T @ weighed)
 
 
 def reached(information: Array, along: Array) -> float:

@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from delta_calibration.diagnosis.candidates import Candidate, all_columns
+from delta_calibration.diagnosis.candidates import Candidate, all_columns, moved_by
 from delta_calibration.diagnosis.constants import (
     ALPHA,
     LACKING,
@@ -28,7 +28,7 @@ from delta_calibration.diagnosis.constants import (
     SOME,
     SWAPS,
 )
-from delta_calibration.diagnosis.fitted import Fitted
+from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, sizes
 from delta_calibration.diagnosis.model_selection import (
     Worth,
@@ -241,8 +241,10 @@ def _in_their_place(model: Fitted, short: tuple[Score, ...]) -> dict[str, Score]
     }
     near = dict.fromkeys(others, 0.0)
     for term in model.terms:
-        # what makes all of the signal already is fitted in any case, as it is
-        for share, score in in_its_place(model, term, tuple(others.values()), SAME**2):
+        evidence = beside(model.evidence, tuple(m for m in model.terms if m is not term))
+        signal = moved_by(term, evidence, model.scaled(term))
+        # a cause that already makes all of the signal is fitted in any case, in its own shape
+        for share, score in in_its_place(evidence, signal, tuple(others.values()), SAME**2):
             cause = score.candidate.cause
             if share > near[cause]:
                 near[cause], others[cause] = share, score

@@ -84,12 +84,13 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    # if too few to separate noise from conditions: true repeats
-    enough = 3 * _by_conditions(poses, poses.place, slope).degrees >= 2 * _ENOUGH
+    separable = 3 * _by_conditions(poses, poses.place, slope).degrees >= 2 * _ENOUGH
     poses = _without_gross(poses, covariance, slope)
-    visits = _visits(poses.point, poses.repeat)
-    if enough:
-        visits = _by_conditions(poses, poses.place, slope)
+    visits = (
+        _by_conditions(poses, poses.place, slope)
+        if separable  # noise from conditions; else only true repeats tell it
+        else _visits(poses.point, poses.repeat)
+    )
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
@@ -124,7 +125,7 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
 
 
 def _without_gross(poses: Poses, covariance: Array, slope: Array) -> Poses:
-    """Return the poses, with those that hold a gross error relabelled as unrepeated.
+    """Label poses with a gross error as unrepeated, so that they do not count as noise.
 
     A knocked reflector is no noise. Poses over 6 robust standard deviations from the mean of their
     repeat, 20 from that of their place, or 12 from what the conditions explain, are not used.
