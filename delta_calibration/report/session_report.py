@@ -118,7 +118,7 @@ def verdict_section(verdict: Verdict) -> Section:
                     "signal λ",
                     "held-out error, without it → with it [mm]",
                     "gain, 95 % [1]",
-                    "indistinguishable in this session; how to separate them",
+                    "equivalent causes here; how to separate them",
                 ),
                 tuple(_finding(f) for f in verdict.findings),
                 words=(0, 1, 7),
