@@ -142,7 +142,9 @@ def test_a_linear_delta_is_compensated() -> None:
     robot = load_robot("linear_delta")
     machine = draw_machine(robot, 3)
     plan = make_plan("identify", robot, count=30, seed=3)
-    seen = survey(simulate_session(machine, plan, 3), robot.joints.names)
+    seen = survey(
+        simulate_session(machine, plan, 3), robot.joints.names, robot.commanded.joint_size
+    )
     made = from_identification(identify(seen.poses, robot), robot, seen.poses)
     disc = make_plan("disc", robot, count=20, both_sides=False)
     done = JointCompensator(made).compensate(disc.joint)

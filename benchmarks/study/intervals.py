@@ -73,7 +73,9 @@ def errors(task: Task, cause: str, again: int = 0) -> list[float]:
     """(stated - true) / standard deviation of each value of a cause; empty without a fit."""
     trial, _ = scaled(task, again)
     robot = load_robot(task.robot)
-    start = calibrated(survey(trial.session, robot.joints.names), robot)
+    start = calibrated(
+        survey(trial.session, robot.joints.names, robot.commanded.joint_size), robot
+    )
     terms = true_terms(trial, start, robot)
     if terms is None:
         return []

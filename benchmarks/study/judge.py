@@ -54,7 +54,7 @@ def judge(key: str) -> dict[str, Any]:
     robot = load_robot(task.robot)
     effects = tuple(e for e in catalogue(robot, robot.model()) if e.cause != task.without)
     begin, busy = time.perf_counter(), time.process_time()
-    seen = survey(trial.session, robot.joints.names)
+    seen = survey(trial.session, robot.joints.names, robot.commanded.joint_size)
     found = diagnose(seen, robot, effects=effects, seed=task.seed)
     took, worked = time.perf_counter() - begin, time.process_time() - busy
     laws = [asdict(law) for law in found.verdict.unknown_structure.laws]
@@ -138,7 +138,7 @@ def _errors(trial: Trial, seen: Survey, robot: Robot, found: Diagnosis) -> dict[
     """
     if not trial.causes:
         return {}
-    held = survey(trial.truth.session, robot.joints.names)
+    held = survey(trial.truth.session, robot.joints.names, robot.commanded.joint_size)
     start = calibrated(seen, robot)
     moving = trial.signals.moving > trial.signals.still
     models = {"calibrated": start, "extended": found.model}

@@ -61,9 +61,12 @@ class Fitted(ABC):
         """Whether the frame of the measuring device is fitted."""
         return bool(self.problem.free[self.problem.layout.frame].any())
 
-    @cached_property
+    @property
     def extended(self) -> Problem:
         """The problem with the terms' effects in its chain."""
+        return self.memo.of("extended", self._extended)
+
+    def _extended(self) -> Problem:
         effects = tuple(m.effect for m in self.terms if m.effect is not None)
         chain = self.problem.chain.with_effects(effects)
         layout = self.problem.layout.with_effects(chain.layout.effect_sizes)
@@ -173,8 +176,8 @@ class Fitted(ABC):
         return np.flatnonzero(~placing(self.problem)[base])
 
     def forget(self) -> None:
-        """Drop the evidence, which is as large as the session; it is recomputed on demand."""
-        self.memo.forget("evidence", "beside")
+        """Drop what is as large as the session; it is recomputed on demand."""
+        self.memo.forget("extended", "evidence", "beside")
 
     @property
     def beside(self) -> LinearizedModel:

@@ -11,6 +11,7 @@ from collections.abc import Hashable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import combinations
+from threading import Lock
 
 import numpy as np
 
@@ -68,23 +69,57 @@ class SearchResult:
 
 @dataclass
 class _Fits:
-    """Cache of full fits of sets of explanations, each started from the machine without any."""
+    """Full fits of sets of explanations, each started from the machine without any.
+
+    The evidence of a fit is as large as the session: only the best fit so far keeps it.
+    """
 
     bare: Fitted
-    known: dict[tuple[Hashable, ...], Fitted] = field(default_factory=dict)
+    samples: float  # degrees of freedom for which chi square is stated
+    known: dict[tuple[Hashable, ...], tuple[Fitted, float]] = field(default_factory=dict)
+    best: tuple[Fitted | None, float] = (None, np.inf)
+    lock: Lock = field(default_factory=Lock)
 
-    def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[Fitted]:
-        """Fits of the machine with each of these sets of explanations, in their order."""
+    def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[tuple[Fitted, float]]:
+        """Fits of the machine with each of these sets of explanations, each with its cost."""
         keys = [tuple(term.shape for term in terms) for terms in sets]
         every = zip(keys, sets, strict=True)
         new = {key: terms for key, terms in every if key not in self.known}
         with ThreadPoolExecutor(THREADS) as pool:
-            self.known.update(zip(new, pool.map(self.bare.fitted, new.values()), strict=True))
+            self.known.update(zip(new, pool.map(self._fitted, new.values()), strict=True))
         return [self.known[key] for key in keys]
+
+    def cost(self, fit: Fitted) -> float:
+        """Minus ln of a fit's marginal likelihood, without the choice among candidates.
+
+        Half the loss, the price of the values, and that of shapes chosen among several after the
+        cause was found.
+        """
+        terms, evidence = fit.terms, fit.evidence
+        value = np.concatenate([fit.scaled(m) for m in terms])
+        information = evidence.information_of(all_columns(terms, evidence))
+        price = price_of(information, value, sizes(terms))
+        chosen = (m.effect for m in terms if m.effect is not None and m.effect.chosen)
+        shapes = [sum(1 for _ in effect.refinements(evidence.at)) for effect in chosen]
+        return fit.loss(self.samples) / 2 + price + float(np.sum(np.log(shapes)))
+
+    def _fitted(self, terms: tuple[Candidate, ...]) -> tuple[Fitted, float]:
+        """A new fit and its cost; of it and the best so far, the worse releases its evidence."""
+        fit = self.bare.fitted(terms)
+        cost = self.cost(fit)
+        with self.lock:
+            worse, least = self.best
+            if cost < least:
+                self.best = fit, cost
+            else:
+                worse = fit
+        if worse is not None:
+            worse.forget()
+        return fit, cost
 
     def forget(self) -> None:
         """Free the memory of all fits."""
-        for fit in (self.bare, *self.known.values()):
+        for fit, _ in ((self.bare, 0.0), *self.known.values()):
             fit.forget()
 
 
@@ -104,9 +139,10 @@ def find(
         begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been rejected; nothing of the same cause is tried.
     """
-    starts = [_Fits(start) for start in ((model,) if begin else _starts(model, rng))]
+    samples = model.beside.degrees
+    starts = [_Fits(start, samples) for start in ((model,) if begin else _starts(model, rng))]
     scans = [scanned(start.bare, effects, rng).without(gone) for start in starts]
-    fits, first = _likelier_start(starts, scans, model)
+    fits, first = _likelier_start(starts, scans)
     bare = model = fits.bare
     here, swaps = first, SWAPS
     short: dict[str, Score] = {}
@@ -136,6 +172,9 @@ def find(
             model, swaps = swapped, swaps - 1
         model = _refined(fits, model, tuple(short.values()))
         here = scanned(model, effects, rng).without(gone)
+        for earlier, _ in seen.values():
+            if earlier is not bare and earlier is not model:
+                earlier.forget()
         seen[_keys(model.terms)] = model, here
 
 
@@ -152,7 +191,7 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
-    sets += fits.of(sets[:1])[0].in_other_shapes
+    sets += fits.of(sets[:1])[0][0].in_other_shapes
     sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
     return _likeliest(fits, sets, (best, *named.values()))
 
@@ -272,31 +311,13 @@ def _likeliest(
     *known: Fitted,
 ) -> Fitted:
     """The likeliest of the known fits and of some sets of explanations, each fitted in full."""
-    bare = fits.bare
-    samples = bare.beside.degrees
 
-    def likely(fit: Fitted) -> float:
-        columns = all_columns(fit.terms, fit.evidence)
-        value = np.concatenate([fit.scaled(m) for m in fit.terms])
-        gain = bare.loss(samples) - fit.loss(samples)
-        information = fit.evidence.information_of(columns)
-        price = price_of(information, value, sizes(fit.terms))
-        price += sum(float(np.log(as_score(m, tried).tries * m.forms)) for m in fit.terms)
-        price += sum(_price_of_choice(m, fit) for m in fit.terms)
-        return gain / 2 - price
+    def price_of_choice(fit: Fitted) -> float:
+        return sum(float(np.log(as_score(m, tried).tries * m.forms)) for m in fit.terms)
 
-    best = max([*known, *fits.of(sets)], key=likely)
-    for fit in fits.known.values():
-        if not any(fit is kept for kept in (best, bare, *known)):
-            fit.forget()
+    fitted = [*((fit, fits.cost(fit)) for fit in known), *fits.of(sets)]
+    best, _ = min(fitted, key=lambda one: one[1] + price_of_choice(one[0]))
     return best
-
-
-def _price_of_choice(term: Candidate, fit: Fitted) -> float:
-    """Price in ln B of a shape that was chosen among several after the cause was found."""
-    if term.effect is None or not term.effect.chosen:
-        return 0.0
-    return float(np.log(sum(1 for _ in term.effect.refinements(fit.evidence.at))))
 
 
 def _keys(terms: Sequence[Candidate]) -> tuple[str, ...]:
@@ -377,28 +398,19 @@ def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted:
     return model.readmitted() if alike is not None and alike < ALPHA else model
 
 
-def _likelier_start(
-    starts: Sequence[_Fits], scans: Sequence[Scan], model: Fitted
-) -> tuple[_Fits, Scan]:
-    """The start, and its scan, about which the likeliest explanation leaves least."""
+def _likelier_start(starts: Sequence[_Fits], scans: Sequence[Scan]) -> tuple[_Fits, Scan]:
+    """The start, and its scan, about which the best explanation is likeliest."""
     if len(starts) == 1:
         return starts[0], scans[0]
-    samples = model.beside.degrees
-    left = [_left_by_the_best(*begun, samples) for begun in zip(starts, scans, strict=True)]
-    best = int(np.argmin(left))
+    cost = [_cost_of_the_best(*begun) for begun in zip(starts, scans, strict=True)]
+    best = int(np.argmin(cost))
     for i, other in enumerate(starts):
         if i != best:
             other.forget()
     return starts[best], scans[best]
 
 
-def _left_by_the_best(start: _Fits, here: Scan, samples: float) -> float:
-    """Loss of the likeliest explanation, fitted in full in its best shape.
-
-    Args:
-        start: a fit without explanations.
-        here: scan of its residuals.
-        samples: degrees of freedom for which chi square is stated.
-    """
-    (fit,) = start.of([tuple(score.candidate for score in here.scores[:1])])
-    return min(one.loss(samples) for one in (fit, *start.of(fit.in_other_shapes)))
+def _cost_of_the_best(start: _Fits, here: Scan) -> float:
+    """Cost of the likeliest explanation of a scan, fitted in full in its best shape."""
+    ((fit, cost),) = start.of([tuple(score.candidate for score in here.scores[:1])])
+    return min([cost, *(other for _, other in start.of(fit.in_other_shapes))])

@@ -347,8 +347,9 @@ def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float)
     more of an offset than its size: there is another local minimum on the other side.
     """
     rest, offset = ~problem.offset_rows(), problem.offset_rows()
-    normal, ends = now.equations[0] + _DAMPING * np.eye(len(now.z)), []
+    normal = now.equations[0] + _DAMPING * np.eye(len(now.z))
     follows = solved(normal[np.ix_(rest, rest)], -normal[np.ix_(rest, offset)])
+    best, made = None, 0
     for place in (np.zeros(offset.sum()), *np.eye(offset.sum()), *-np.eye(offset.sum())):
         begin = now.z.copy()
         begin[offset] = place
@@ -356,9 +357,12 @@ def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float)
         begun = _state(problem, begin, loss, now.at.pose)
         if not np.isfinite(begun.cost):  # taken beyond reach
             begun = _state(problem, np.where(rest, now.z, begin), loss, now.at.pose)
-        ends.append(_settle(problem, begun, rest, loss, max(settled, _ROUGHLY)))
-    best = min(ends, key=lambda end: end.cost)
-    return replace(best, evaluations=sum(end.evaluations for end in ends))
+        end = _settle(problem, begun, rest, loss, max(settled, _ROUGHLY))
+        made += end.evaluations
+        if best is None or end.cost < best.cost:  # its columns are as large as the session
+            best = end
+    assert best is not None
+    return replace(best, evaluations=made)
 
 
 def solution_at(problem: Problem, z: Array) -> Solution:
