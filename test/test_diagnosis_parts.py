@@ -457,6 +457,27 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
 
 
+def test_a_value_that_shows_in_one_sector_only_is_taken_to_be_as_large_as_the_others(
+    evidence,
+) -> None:
+    """Without it, what little the other sectors say of the value is all that is foretold of it."""
+    part = cross_validation.sectors(evidence)
+    columns = columns_of(candidate(evidence, "joint_scale"), evidence).copy()
+    known = evidence.information(columns)[2, 2]
+    columns[np.repeat(part != 2, 3), 2] *= 0.2 / np.sqrt(known)  # known there to within 5
+    bounds, size = (np.full(3, -np.inf), np.full(3, np.inf)), 0.3
+    signal = columns @ np.full((3, 1), size)
+    shares = []
+    for seed in range(8):
+        seen = with_residual(evidence, evidence.draw(1, np.random.default_rng(seed)) + signal)
+        about = seen, Plain(columns), bounds, part
+        alike = cross_validation.foretold(*about, size**-2)
+        shares.append((alike, cross_validation.foretold(*about)))
+    with_size, without = np.array(shares).T
+    assert (with_size > 0.5).all()
+    assert (without < 0.25).any()
+
+
 def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
     """A gap that would have to be negative in one of the parts, and therefore in all together."""
     part = cross_validation.sectors(evidence)

@@ -234,6 +234,7 @@ SEARCHED = {
     "transmission_error": {"cycles"},
     "stick_slip": {"speed", "level"},
     "ball_joint_clearance": {"force"},
+    "backlash": {"held_by"},
     "base_compliance": {"depth", "radius"},
 }
 

@@ -184,6 +184,28 @@ def test_a_base_on_soft_feet_is_named_by_what_it_gives():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("friction", [0.0, 3.0])
+def test_play_is_found_where_the_weight_decides_the_flank(friction: float):
+    """At some poses, where the torque of the weight exceeds friction, or at all."""
+    verdict = said_of({"gap": GAP, "friction": friction}, 36, count=24, reach=0.5)
+    holds(verdict, "backlash", "gap", GAP)
+    # inertia helps the weight while the arm stops: friction is a little less than that at rest
+    assert verdict.findings[0].shape["friction"].value == pytest.approx(friction, abs=0.3)
+
+
+@pytest.mark.slow
+def test_a_drive_that_yields_with_play_and_friction_is_all_three():
+    """Friction winds up the spring and holds the arm in the gap, which the weight closes."""
+    verdict = said_of({"gap": GAP, "friction": 3.0, "drive": SPRING}, 37, count=24)
+    assert {f.cause for f in verdict.findings} == {"backlash", "joint_compliance", "stick_slip"}
+    assert not verdict.unknown_structure.found
+    for finding in verdict.findings:
+        names = {"backlash": GAP, "joint_compliance": 1 / SPRING, "stick_slip": 3.0 / SPRING}
+        for each in list(finding.parameters.values())[:3]:
+            assert abs(each.value - names[finding.cause]) < 4 * each.std
+
+
+@pytest.mark.slow
 def test_play_that_weight_holds_shut_is_said_not_to_show():
     verdict = said_of({"gap": GAP}, 34, reach=0.15)
     assert not verdict.findings

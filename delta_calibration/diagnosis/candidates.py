@@ -50,6 +50,12 @@ class Candidate:
         return self.effect is not None and not self.unexplained
 
     @property
+    def plain(self) -> bool:
+        """Whether its shape has no searched field and no property that was chosen."""
+        effect = self.effect
+        return effect is None or not (effect.bounded_intervals() or effect.chosen)
+
+    @property
     def forms(self) -> int:
         """Number of sizes and widths of which the likeliest is taken for a map; otherwise 1."""
         family = self.effect.moves_with if self.unexplained and self.effect is not None else None

@@ -27,6 +27,8 @@ SPIKE = 6.0  # the same for a reading compared with its neighbours on a path
 DECADES = 1000.0
 NAMELESS = 0.05  # share of errors that look like a cause of the catalogue but have no name in it
 COMPLETE = 0.95  # probability that structure really follows its likeliest law of the grammar
+# prior odds of an effect's plain shape, without searched fields, against all its searched ones
+PLAINLY = 4.0
 PLAIN_WORDS = 4.0  # prior odds of a line against another function, of one quantity against two
 USUAL = 1000.0  # prior odds of a quantity known to move a stage of machines against another
 # [m] by which a law with values of typical size moves the reading

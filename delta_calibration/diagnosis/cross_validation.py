@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.columns import Columns
 from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
-from delta_calibration.diagnosis.scores import change, most_likely
+from delta_calibration.diagnosis.scores import PRECISION, change, most_likely
 
 Array = NDArray[np.float64]
 
@@ -100,13 +100,19 @@ def scattered(evidence: LinearizedModel) -> NDArray[np.int64]:
     return np.asarray((cell @ np.array([1, 2, 4])) % PARTS)
 
 
-def learnable(evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]) -> bool:
-    """Whether the information on each of k columns remains large enough without any one part."""
+def learnable(
+    evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Whether enough information on each of k columns remains without any one part, (k,)."""
     whole = np.diag(evidence.information_of(columns))
     if len(np.unique(part)) < 2:
-        return not (whole > 0).any()
+        return np.asarray(~(whole > 0))
     every = _without_each(evidence, columns, part)
-    return all((np.diag(known) >= LEARNABLE * whole).all() for _, _, known in every)
+    return np.asarray(np.all([_enough(known, whole) for _, _, known in every], axis=0))
+
+
+def _enough(known: Array, whole: Array) -> NDArray[np.bool_]:
+    return np.asarray(np.diag(known) >= LEARNABLE * whole)
 
 
 def held_out(
@@ -134,6 +140,7 @@ def foretold(
     columns: Columns,
     bounds: tuple[Array, Array],
     part: NDArray[np.int64],
+    precision: float = PRECISION,
 ) -> float:
     """Share of the explained chi square that columns also predict; 1 if only noise is in the way.
 
@@ -150,13 +157,15 @@ def foretold(
         columns: the k columns of a candidate.
         bounds: lower and upper bounds of its values, (k,) each.
         part: number of the part that each sample is held out with, (n,).
+        precision: of the prior of each value that the other parts do not determine.
     """
     information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
     total = 0.0
     for others, own, known in _without_each(evidence, columns, part):
         along = _along(others, own)
-        v = most_likely(known, along, *bounds)
+        prior = np.where(_enough(known, np.diag(information)), PRECISION, precision)
+        v = most_likely(known, along, *bounds, prior)
         total += change(information, b, v) - change(known, along, v)
     whole = change(information, b, value)
     return total / whole if whole > 0.0 else 0.0

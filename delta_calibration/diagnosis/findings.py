@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.actions import action_of
 from delta_calibration.diagnosis.candidates import (
     Candidate,
+    all_columns,
     bounds_of,
     columns_of,
     products_of,
@@ -52,10 +54,11 @@ from delta_calibration.diagnosis.geometry import (
     without,
     without_geometry,
 )
+from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.open_shapes import open_shape
 from delta_calibration.diagnosis.rivals import Rivalry, equivalents, named, standing
-from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of
+from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of, precision_of
 from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.set_aside import set_aside
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
@@ -69,7 +72,11 @@ MM = 1e3
 
 
 class HeldOutModels:
-    """Held-out errors of several models; each model is predicted only once."""
+    """Held-out errors of several models; each model is predicted only once.
+
+    Values of one effect share their size. If the other parts do not determine a value, such as the
+    gap of a joint that the load moves to its other flank in one sector only, that is its prior.
+    """
 
     def __init__(self, model: Fitted) -> None:
         """Prepare the parts and masks for models about one fit."""
@@ -81,15 +88,29 @@ class HeldOutModels:
         self.aside = np.zeros_like(self.poses)
         self.aside[set_aside(evidence, self.whole)] = True
         self.frame = held_out(without_geometry(evidence), self.sectors)
+        self._alike = {id(m): precision_of(m, model.scaled(m)) for m in model.terms}
+        self._priors: dict[tuple[int, int], Array] = {}
         self._known: dict[tuple[int, ...], HeldOut] = {}
 
     def terms(self, terms: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
         """Held-out errors of the geometry with these terms."""
         key = (id(part), *(id(m) for m in terms))
         if key not in self._known:
-            whole = beside(self.whole, terms)
-            self._known[key] = held_out(beside(self.evidence, terms), part, whole)
+            prior = [self._prior(term, part) for term in terms]
+            evidence, whole = (_with(e, terms, prior) for e in (self.evidence, self.whole))
+            self._known[key] = held_out(evidence, part, whole)
         return self._known[key]
+
+    def _prior(self, term: Candidate, part: NDArray[np.int64]) -> Array:
+        """Precision of each value of a term where parts are predicted by the others, (k,)."""
+        key = id(part), id(term)
+        if key not in self._priors:
+            prior, alike = np.full(len(term.rows), PRECISION), self._alike.get(id(term), PRECISION)
+            if alike > PRECISION:
+                columns = products_of(term, self.evidence)
+                prior[~learnable(self.evidence, columns, part)] = alike
+            self._priors[key] = prior
+        return self._priors[key]
 
     def placed(self, machine: Fitted) -> HeldOut:
         """Held-out errors of a known machine, whose placement is fitted without each sector."""
@@ -125,11 +146,12 @@ class HeldOutModels:
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
         part = self.scattered if term.unexplained else self._sectors_for(evidence, columns)
         parts = [part]
-        if not term.unexplained and learnable(evidence, columns, self.stretches):
+        if not term.unexplained and learnable(evidence, columns, self.stretches).all():
             parts.append(self.stretches)
         if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
-        if any(foretold(evidence, columns, bounds, each) < FORETOLD for each in parts):
+        alike = self._alike.get(id(term), PRECISION)
+        if any(foretold(evidence, columns, bounds, each, alike) < FORETOLD for each in parts):
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
@@ -142,10 +164,10 @@ class HeldOutModels:
 
     def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
         """Sectors of the poses, or of the motions if one pose sector holds nearly all of these."""
-        if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors):
+        if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors).all():
             return self.sectors
         other = self._of_motion
-        return other if learnable(evidence, columns, other) else self.sectors
+        return other if learnable(evidence, columns, other).all() else self.sectors
 
     @cached_property
     def _of_motion(self) -> NDArray[np.int64]:
@@ -185,6 +207,15 @@ class HeldOutModels:
     def mm(self, held: HeldOut) -> float:
         """Root mean square over the poses [mm]."""
         return MM * held.rms(self.poses)
+
+
+def _with(
+    evidence: LinearizedModel, terms: Sequence[Candidate], prior: Sequence[Array]
+) -> LinearizedModel:
+    """The evidence with the terms' columns in its nuisance, with these precisions."""
+    if not terms:
+        return evidence
+    return evidence.beside(all_columns(terms, evidence), np.concatenate(prior))
 
 
 def of_term(
@@ -419,6 +450,6 @@ def items_of(model: Fitted, term: Candidate) -> list[Parameter]:
 
 def _log_p(found: SearchResult, term: Candidate, signal: float, tried: tuple[Score, ...]) -> float:
     """ln p of the term's signal, corrected for the number of tests and of searched shapes."""
-    tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
+    tries = as_score(term, tried).tries
     log_p = log_p_of(signal, len(term.rows), found.model.noise_degrees)
     return min(0.0, log_p + float(np.log(tries * found.first.tests)))

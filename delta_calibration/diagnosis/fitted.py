@@ -334,12 +334,12 @@ def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedM
 
 
 def _reached(effect: Effect, other: Effect) -> bool:
-    """Whether another shape is within the intervals of an effect, or its values set the shape."""
-    if effect.refined(np.zeros(len(effect.parameters))) is not effect:
-        return True
-    searched = {name for name, _, _ in effect.bounded_intervals()}
+    """Whether another shape is within the intervals of an effect, apart from what values set."""
     own, shape = effect.settings, other.settings
-    fixed = all(shape[name] == own[name] for name in own if name not in searched)
+    none, unit = (effect.refined(np.full(len(effect.parameters), v)).settings for v in (0.0, 1.0))
+    by_values = {name for name in own if none[name] != unit[name]}
+    searched = {name for name, _, _ in effect.bounded_intervals()}
+    fixed = all(shape[name] == own[name] for name in own if name not in searched | by_values)
     within = (
         low <= getattr(other, name) <= high for name, low, high in effect.bounded_intervals()
     )

@@ -27,6 +27,7 @@ from delta_calibration.diagnosis.scores import (
     change,
     log_bayes,
     most_likely,
+    tries_of,
 )
 
 Array = NDArray[np.float64]
@@ -183,10 +184,9 @@ def sizes(terms: Sequence[Candidate]) -> list[slice]:
 
 def as_score(term: Candidate, tried: Sequence[Score]) -> Score:
     """Score of a term that is to be evaluated again, with the tries of its cause's search."""
-    tries = max((s.tries for s in tried if s.candidate.same_cause(term)), default=1.0)
     k = len(term.rows)
     nothing = np.broadcast_to(0.0, (k, k))
-    return Score(term, np.zeros(k), nothing, np.ones(k), 0.0, 0.0, tries, np.inf)
+    return Score(term, np.zeros(k), nothing, np.ones(k), 0.0, 0.0, tries_of(term, tried), np.inf)
 
 
 def shadow(candidate: Candidate, gain: float) -> float:

@@ -310,7 +310,7 @@ def _holds(
     columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
-    parts = [part for part in every if learnable(evidence, columns, part)]
+    parts = [part for part in every if learnable(evidence, columns, part).all()]
     shares = [foretold(evidence, columns, free, part) for part in parts]
     if not shares or min(shares) < LAW_FORETOLD:
         return False

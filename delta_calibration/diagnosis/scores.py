@@ -39,7 +39,7 @@ from delta_calibration.diagnosis.candidates import (
     bounds_of,
     typical_of,
 )
-from delta_calibration.diagnosis.constants import DECADES, EULER
+from delta_calibration.diagnosis.constants import DECADES, EULER, PLAINLY
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.tails import log_chi2, log_f
@@ -89,8 +89,13 @@ class Score:
     units: Array  # (k,) of the priors
     gain: float  # D
     log_bayes: float  # ln B, less the price of the search
-    tries: float
+    tries_of: tuple[float, float]  # of the search for a plain shape, and for one with fields
     noise_degrees: float  # degrees of freedom of the noise estimate
+
+    @property
+    def tries(self) -> float:
+        """Independent tries of the search for a shape of this kind; 1 if nothing was searched."""
+        return self.tries_of[not self.candidate.plain]
 
     @cached_property
     def log_p(self) -> float:
@@ -154,7 +159,7 @@ class Weighed:
             shapes: for each shape the candidates that share its columns except for units: the
                 whole effect first, then parts of it.
         """
-        best: dict[int, _Best] = {}
+        best: dict[tuple[int, bool], _Best] = {}
         for groups, information, b in self._products(shapes):
             whole = groups[0][0]
             for i, same in enumerate(zip(*groups, strict=True)):
@@ -165,9 +170,13 @@ class Weighed:
                 units = np.ones(len(rows))
                 if same[0].effect is not whole.effect:
                     units = typical_of(same[0]) / typical_of(whole)[rows]
-                here = _best_of(same, own, along, units)
-                best[i] = best[i].or_better(here) if i in best else here
-        return [self._charged(each) for each in best.values()]
+                for kind, of_kind in _by_kind(same):
+                    some = [same[k] for k in np.arange(len(same))[of_kind]]
+                    here = _best_of(some, own[of_kind], along[of_kind], units)
+                    known = best.get((i, kind))
+                    best[i, kind] = here if known is None else known.or_better(here)
+        kinds = ([best.get((i, kind)) for kind in (True, False)] for i in {i: 0 for i, _ in best})
+        return [self._charged(*both) for both in kinds]
 
     def _products(
         self, shapes: Sequence[Sequence[Candidate]]
@@ -190,27 +199,54 @@ class Weighed:
                 yield groups[begin : begin + len(some)], information, b[..., :asked]
                 begin += len(some)
 
-    def _charged(self, best: _Best) -> Score:
-        tries = _tries(best.chance, len(best.value)) if best.shapes > 1 else 1.0
-        if best.candidate.effect is not None:
-            tries /= dict(self.weights).get(best.candidate.cause, 1.0)
-        return self._score(best, tries)
+    def _charged(self, plain: _Best | None, searched: _Best | None) -> Score:
+        """Score of the likelier of the best plain and the best searched shape."""
+        known = [each for each in (plain, searched) if each is not None]
+        tries = [
+            1.0 if each is None or each.shapes == 1 else _tries(each.chance, len(each.value))
+            for each in (plain, searched)
+        ]
+        if len(known) == 1:
+            tries = 2 * [max(tries)]
+        else:
+            tries = [tries[0] * (1 + 1 / PLAINLY), tries[1] * (1 + PLAINLY)]
+        candidate = known[0].candidate
+        weight = 1.0 if candidate.effect is None else dict(self.weights).get(candidate.cause, 1.0)
+        of_kind = tries[0] / weight, tries[1] / weight
+        return max((self._score(each, of_kind) for each in known), key=lambda s: s.log_bayes)
 
-    def _score(self, best: _Best, tries: float) -> Score:
+    def _score(self, best: _Best, tries_of: tuple[float, float]) -> Score:
         """The score of a candidate at its most likely values."""
         candidate, value, b = best.candidate, best.value, best.b
         information = _scaled(best.information, best.units)
         spans = [slice(0, len(value))] if candidate.sized else []
+        choices = tries_of[not candidate.plain] * candidate.forms
         return Score(
             candidate=candidate,
             value=value,
             information=best.information,
             units=best.units,
             gain=decrease(information, b, value),
-            log_bayes=log_bayes(information, b, value, spans) - log(tries * candidate.forms),
-            tries=tries,
+            log_bayes=log_bayes(information, b, value, spans) - log(choices),
+            tries_of=tries_of,
             noise_degrees=self.noise_degrees,
         )
+
+
+def _by_kind(shapes: Sequence[Candidate]) -> Iterator[tuple[bool, slice | NDArray[np.intp]]]:
+    """Whether shapes are plain, and the indices of these, for each kind that there is."""
+    plain = np.array([shape.plain for shape in shapes])
+    if plain.all() or not plain.any():
+        yield bool(plain[0]), slice(None)
+    else:
+        yield True, np.flatnonzero(plain)
+        yield False, np.flatnonzero(~plain)
+
+
+def tries_of(term: Candidate, tried: Sequence[Score]) -> tuple[float, float]:
+    """Tries of the search for a term's cause, as those of a score; 1 if it was not searched."""
+    own = [s.tries_of for s in tried if s.candidate.same_cause(term)]
+    return max((a for a, _ in own), default=1.0), max((b for _, b in own), default=1.0)
 
 
 def _best_of(shapes: Sequence[Candidate], products: Array, b: Array, units: Array) -> _Best:
@@ -252,9 +288,19 @@ def most_likely_of_each(
     return value, np.sum(value * (2 * b - (information @ value[..., None])[..., 0]), axis=-1)
 
 
-def most_likely(information: Array, b: Array, lower: Array, upper: Array) -> Array:
-    """Values v of largest posterior within bounds, (k,); active bounds are fixed one by one."""
-    normal = information + PRECISION * np.eye(len(b))
+def most_likely(
+    information: Array, b: Array, lower: Array, upper: Array, precision: Array | float = PRECISION
+) -> Array:
+    """Values v of largest posterior within bounds, (k,); active bounds are fixed one by one.
+
+    Args:
+        information: of the values, (k, k).
+        b: products of their columns with the residuals, (k,).
+        lower: bounds, (k,).
+        upper: bounds, (k,).
+        precision: of the prior of each value, (k,) or of all.
+    """
+    normal = information + np.diag(np.broadcast_to(precision, len(b)))
     held = np.zeros(len(b), dtype=bool)
     value = solved(normal, b)
     for _ in range(len(b)):
@@ -335,6 +381,11 @@ def price_of(information: Array, value: Array, spans: Sequence[slice] = ()) -> f
         own, paid = _of_one_size(value[span])
         size[span], price = own, price + paid
     return price + float(_cost(information, value, size))
+
+
+def precision_of(candidate: Candidate, value: Array) -> float:
+    """Precision of the prior of values that share the size of these (k,); a map's has its own."""
+    return float(_of_one_size(value)[0][0] ** -2) if candidate.sized else PRECISION
 
 
 def _of_one_size(value: Array) -> tuple[Array, float]:

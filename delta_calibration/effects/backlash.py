@@ -8,20 +8,20 @@ keeps the arm half the gap behind in the last direction of motion: after a rever
 crossed over the first `width` of travel, and the arm then stays on that flank. Where the torque
 tau of weight and inertia exceeds friction, `held_by` [N m], it holds the arm on its own flank,
 whatever the direction of approach. The flank then changes where tau changes its sign, by the pose
-or the payload. A diagnosis does not search for `held_by`: it is set in the simulator, and for a
-machine whose value is known.
+or the payload. For machines whose masses are known a diagnosis searches for `held_by` among the
+torques of the session.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import (
@@ -56,6 +56,7 @@ class Backlash(Effect):
     needs: ClassVar[tuple[str, ...]] = ("direction",)
     live_strength: ClassVar[float] = 1.0
     limits: ClassVar[Limits] = {"held_by": (0.0, 1e4)}
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {"held_by": ("friction", "N m")}
 
     width: tuple[float, ...] = ()  # (m,) [rad] travel over which the gap is crossed
     held_by: float = 0.0  # [N m] torque above which loads decide the flank; 0: they never do
@@ -96,6 +97,20 @@ class Backlash(Effect):
             if not self.held_by:
                 signals[2:] = 2 * [places.begin(NOTHING)]
             yield Term(tuple(signals), (j,), (j,), self.constants(j))
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Loads that never decide the flank, then frictions above ever more of the torques."""
+        yield replace(self, held_by=0.0)
+        mechanism = self.mechanism
+        weighs = type(mechanism).masses is not None and mechanism.weights(self.robot.masses).any()
+        if weighs and not replace(self, held_by=1.0).missing(at):
+            for level in np.quantile(np.abs(self._load(at)), _SHARES):
+                if level > 0:
+                    yield replace(self, held_by=float(level))
+
+    def intervals(self) -> tuple[Interval, ...]:
+        """Friction of the arm around that of the search."""
+        return (("held_by", self.held_by / 2, 2 * self.held_by),) if self.held_by else ()
 
     def missing(self, at: Conditions) -> str:
         """Also an unknown payload, if loads can hold the arm."""
@@ -143,3 +158,4 @@ class Backlash(Effect):
 
 
 _LEAST = 1e-9  # [rad of a Delta]
+_SHARES = np.linspace(0.02, 0.98, 25)  # of the torques of weight that are below friction
