@@ -184,6 +184,35 @@ def test_a_map_of_another_size_is_scored_as_if_its_own_products_were_known() -> 
         assert np.shares_memory(score.information, together[0].information)
 
 
+def test_a_shape_without_searched_fields_pays_less_than_searched_ones() -> None:
+    """Backlash that no load closes has prior odds of 4 against all frictions together."""
+    evidence = evidence_of("srbd")
+    effects = catalogue(load_robot("srbd"), evidence.chain.mechanism)
+    weighed = Weighed.of(evidence, np.inf, 64, np.random.default_rng(3))
+    backlash = next(e for e in effects if e.cause == "backlash")
+    shapes = [list(subsets(shape)) for shape in backlash.shapes(evidence.at)]
+    for score in weighed.explore(shapes):
+        plain, searched = score.tries_of
+        assert plain == 1.25
+        assert searched > 2 * 5
+        assert score.tries == (plain if score.candidate.plain else searched)
+    lag = next(e for e in effects if e.cause == "joint_lag")
+    assert {s.tries_of for s in weighed.explore([list(subsets(lag))])} == {(1.0, 1.0)}
+
+
+def test_a_curve_contains_one_of_the_same_joint_and_another_resolution() -> None:
+    evidence = evidence_of("scara")
+    effects = catalogue(load_robot("scara"), evidence.chain.mechanism)
+    curve = next(e for e in effects if e.cause == "joint_error_curve")
+    fine, coarse = (list(subsets(shape)) for shape in list(curve.shapes(evidence.at))[:2])
+    assert len(fine[0].rows) != len(coarse[0].rows)
+    for some, others in ((fine, coarse), (coarse, fine)):
+        for one in some:
+            for other in others:
+                inside = one.location in (None, other.location)
+                assert one.contains(other) == inside
+
+
 def test_what_was_recorded_is_what_the_standing_machine_has_of_it() -> None:
     evidence = fit_of("five_axis").evidence
     effects = catalogue(load_robot("five_axis"), evidence.chain.mechanism)

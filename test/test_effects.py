@@ -269,6 +269,26 @@ def test_a_search_leaves_no_gap(cause: str) -> None:
             assert begin <= end
 
 
+def test_loads_that_may_close_a_gap_are_those_of_the_session() -> None:
+    """From a friction below every torque on; none without masses, payload or a known centre."""
+    effect = catalogue(ROBOT, ROBOT.model())
+    plain = next(e for e in effect if e.cause == "backlash")
+    never, *held = plain.shapes(AT)
+    torque = np.abs(plain._load(AT))
+    assert never.held_by == 0.0
+    assert len({shape.held_by for shape in held}) == len(held) > 10
+    assert 0 < held[0].held_by < torque[torque > 1e-6].min()
+    assert held[-1].held_by < torque.max()
+    unloaded = replace(ROBOT, masses=None)
+    assert len(list(replace(plain, robot=unloaded).shapes(AT))) == 1
+    for lost in ("payload", "payload_centre"):
+        unknown = replace(AT, **{lost: np.full_like(getattr(AT, lost), np.nan)})
+        assert len(list(plain.shapes(unknown))) == 1
+    arm = load_robot("scara")
+    other = next(e for e in catalogue(arm, arm.model()) if e.cause == "backlash")
+    assert len(list(other.shapes(at_rest(np.zeros((3, arm.model().joints)))))) == 1
+
+
 @each_effect
 def test_a_shape_goes_no_further_than_a_file_may_hold(model: str, cause: str) -> None:
     """However often a search continues from the end of one interval into the next."""

@@ -189,8 +189,9 @@ def test_play_is_found_where_the_weight_decides_the_flank(friction: float):
     """At some poses, where the torque of the weight exceeds friction, or at all."""
     verdict = said_of({"gap": GAP, "friction": friction}, 36, count=24, reach=0.5)
     holds(verdict, "backlash", "gap", GAP)
+    found = verdict.findings[0].shape["friction"]
     # inertia helps the weight while the arm stops: friction is a little less than that at rest
-    assert verdict.findings[0].shape["friction"].value == pytest.approx(friction, abs=0.3)
+    assert 0.9 * friction < found.value < friction + 3 * found.std
 
 
 @pytest.mark.slow

@@ -430,6 +430,7 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
         ("transmission_error:cycles=many", "cycles 'many' is not a finite number$"),
         ("stick_slip:speed=-1", "speed -1 is not allowed; more than 0"),
         ("tracker_drift:step_at=-5", "step_at -5 is not allowed; 0 or more"),
+        ("ball_joint_clearance:end=-2", "end -2 is not allowed; -1 or more"),
         ("thermal_growth_arm:sensor=forearm", "no sensor 'forearm'; allowed: arm, base"),
         ("thermal_growth_arm:sensor=arm,time_constant=9", "only one of sensor, time_constant can"),
         ("tracker_drift:step_at=5,time_constant=9", "only one of step_at, time_constant can"),

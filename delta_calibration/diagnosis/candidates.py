@@ -51,9 +51,8 @@ class Candidate:
 
     @property
     def plain(self) -> bool:
-        """Whether its shape has no searched field and no property that was chosen."""
-        effect = self.effect
-        return effect is None or not (effect.bounded_intervals() or effect.chosen)
+        """Whether its shape has no searched field."""
+        return self.effect is None or not self.effect.bounded_intervals()
 
     @property
     def forms(self) -> int:
@@ -86,6 +85,23 @@ class Candidate:
     def same_cause(self, other: Candidate) -> bool:
         """Whether both would be reported under the same name."""
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
+
+    def contains(self, other: Candidate) -> bool:
+        """Whether it has all parameters of another candidate of the same cause.
+
+        Parameters are compared by name; those of curves of unlike resolution, and of other effects
+        whose shapes have unlike parameters, by the joints that they move.
+        """
+        if self.effect is None or other.effect is None:
+            return self.effect is other.effect and self.rows == other.rows
+        if not self.same_cause(other):
+            return False
+        own, its = self.effect.parameters, other.effect.parameters
+        if own.names == its.names:
+            return set(other.rows) <= set(self.rows)
+        return {its.items[row].location for row in other.rows} <= {
+            own.items[row].location for row in self.rows
+        }
 
 
 def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:

@@ -43,7 +43,7 @@ WORTH = 0.2  # least share of the avoidable held-out error that a map must remov
 FORETOLD = 0.25  # least share of what a cause explains that it must also predict on held-out data
 LAW_FORETOLD = 0.5  # the same for a law
 LEAST_SURE = 0.05  # confidence below which a cause is not reported
-MOST_OF = 0.5  # share of what geometry explains that one dimension must, to be named
+MUCH_OF = 0.25  # share of what geometry explains that one dimension must, to be named
 # scatter of all dimensions, in tolerances, from which `geometry` is a finding
 BEYOND = 1.5
 ELSEWHERE = 1e-5  # p below which the reflector's offset is a finding: its prior is no tolerance

@@ -25,8 +25,8 @@ from delta_calibration.diagnosis.constants import (
     FORETOLD,
     LACKING,
     LEAST_SURE,
-    MOST_OF,
     MOVING,
+    MUCH_OF,
     NAMED,
     WORTH,
 )
@@ -308,7 +308,7 @@ def of_dimension(
     rng: np.random.Generator,
 ) -> Finding | None:
     """Finding of a dimension that is an outlier to the machine's scatter; None if it is not."""
-    if outlier.log_p > np.log(ALPHA) or outlier.share < MOST_OF or outlier.log_bayes <= 0:
+    if outlier.log_p > np.log(ALPHA) or outlier.share < MUCH_OF or outlier.log_bayes <= 0:
         return None
     model, candidate = found.model, outlier.candidate
     evidence = at_scatter(beside(held.evidence, model.terms), tau)

@@ -126,6 +126,8 @@ def judged(
         unknown = replace(unknown, laws=equations)
     if laws:
         found, held = _by_law(found, held, laws[0])
+        said = {m: f for m, f in said.items() if _among(found.model.terms, m)}
+        findings = [f for m, f in said.items() if not m.unexplained]
     found, after, refused = _shipped(found, held, said, start)
     terms = found.model.terms
     if unknown.found and not terms:  # readings in motion would bias a fit to the poses
@@ -180,8 +182,14 @@ def _doubted(finding: Finding, doubt: float) -> Finding:
 def _by_law(
     found: SearchResult, held: HeldOutModels, law: Likely
 ) -> tuple[SearchResult, HeldOutModels]:
-    """Replace maps by a law, if it predicts held-out data at least as well."""
+    """Replace maps by a law, if it predicts held-out data at least as well.
+
+    Causes for which the law leaves nothing are removed.
+    """
     model = fitted_with(_plain(found.model), law.guess).rested()
+    working = tuple(term for term in model.terms if model.scaled(term).any())
+    if working != model.terms:
+        model = model.fitted(working).rested()
     other = HeldOutModels(model)
     now, then = (
         each.mm(each.terms(of.terms, each.sectors))

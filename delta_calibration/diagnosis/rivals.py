@@ -51,7 +51,9 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))
     others = [s for s in tried if not s.candidate.same_cause(term)]
-    others = [s for s in others if not any(_within(s.candidate, m) for m in rest)]
+    # if a term is the lag of one joint, the lags of all joints are a rival of the other terms: a
+    # late clock and the lag of one joint together can be the lags of all
+    others = [s for s in others if not any(m.contains(s.candidate) for m in rest)]
     others = [score for _, score in in_its_place(evidence, signal, others)]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
     same = equivalents(evidence, signal, others, max(1.0, model.misfit))
@@ -87,15 +89,6 @@ def in_its_place(
             score = replace(score, candidate=in_best_shape(evidence, score.candidate))
         found.append((share, score))
     return found
-
-
-def _within(candidate: Candidate, term: Candidate) -> bool:
-    """Whether a candidate is of the same cause as a term and has no parameters beyond it.
-
-    If the term is the lag of one joint, the lags of all joints are a rival of the other terms: a
-    late clock and the lag of one joint together can be the lags of all.
-    """
-    return candidate.same_cause(term) and set(candidate.rows) <= set(term.rows)
 
 
 def named(signal: float) -> float:

@@ -126,7 +126,7 @@ def _of_effects(
     for effect in effects:
         shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
         groups = [
-            [c for c in subsets(shape) if not any(_covers(other, c) for other in used)]
+            [c for c in subsets(shape) if not any(other.contains(c) for other in used)]
             for shape in shapes
         ]
         if groups and groups[0]:
@@ -138,12 +138,5 @@ def _of_the_rest(
 ) -> Iterator[list[list[Candidate]]]:
     """Candidates to explore that are no effects of the catalogue: dimensions and maps."""
     for group in (*([one] for one in dimensions(evidence)), *maps(evidence, effects[0])):
-        if not any(_covers(other, group[0]) for other in used):
+        if not any(other.contains(group[0]) for other in used):
             yield [group]
-
-
-def _covers(used: Candidate, candidate: Candidate) -> bool:
-    """Whether a used explanation already contains all parameters of the candidate."""
-    if candidate.effect is None or used.effect is None:
-        return used.effect is candidate.effect and used.rows == candidate.rows
-    return used.same_cause(candidate) and set(candidate.rows) <= set(used.rows)

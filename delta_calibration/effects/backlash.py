@@ -8,8 +8,8 @@ keeps the arm half the gap behind in the last direction of motion: after a rever
 crossed over the first `width` of travel, and the arm then stays on that flank. Where the torque
 tau of weight and inertia exceeds friction, `held_by` [N m], it holds the arm on its own flank,
 whatever the direction of approach. The flank then changes where tau changes its sign, by the pose
-or the payload. For machines whose masses are known a diagnosis searches for `held_by` among the
-torques of the session.
+or the payload. On a rotary Delta with known masses and payload a diagnosis searches for `held_by`
+among the torques of the session.
 """
 
 from __future__ import annotations
@@ -99,22 +99,26 @@ class Backlash(Effect):
             yield Term(tuple(signals), (j,), (j,), self.constants(j))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Loads that never decide the flank, then frictions above ever more of the torques."""
+        """Loads that never decide the flank, that always do, and frictions between these."""
         yield replace(self, held_by=0.0)
-        mechanism = self.mechanism
-        weighs = type(mechanism).masses is not None and mechanism.weights(self.robot.masses).any()
-        if weighs and not replace(self, held_by=1.0).missing(at):
-            for level in np.quantile(np.abs(self._load(at)), _SHARES):
-                if level > 0:
-                    yield replace(self, held_by=float(level))
+        if not isinstance(self.mechanism, DeltaModel) or self.robot.masses is None:
+            return
+        if not replace(self, held_by=1.0).missing(at):
+            torques = np.abs(self._load(at))
+            torques = torques[torques > _ROUNDING * torques.max()]
+            levels = np.quantile(torques, _SHARES) if torques.size else torques
+            for level in np.unique([*levels[:1] / 2, *levels]):
+                yield replace(self, held_by=float(level))
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Friction of the arm around that of the search."""
-        return (("held_by", self.held_by / 2, 2 * self.held_by),) if self.held_by else ()
+        """Friction of the arm, from next to none to twice that of the search."""
+        low, high = _ROUNDING * self.held_by, 2 * self.held_by
+        return (("held_by", low, high),) if self.held_by else ()
 
     def missing(self, at: Conditions) -> str:
         """Also an unknown payload, if loads can hold the arm."""
-        if self.held_by and not np.isfinite(at.payload).all():
+        known = np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all()
+        if self.held_by and not known:
             return "the payload is not known"
         return super().missing(at)
 
@@ -158,4 +162,5 @@ class Backlash(Effect):
 
 
 _LEAST = 1e-9  # [rad of a Delta]
-_SHARES = np.linspace(0.02, 0.98, 25)  # of the torques of weight that are below friction
+_SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction
+_ROUNDING = 1e-6  # of the largest torque: what a smaller one decides is rounding error

@@ -134,9 +134,10 @@ def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Sett
             raise InputError(f"effect {cause}: no {key} {text!r}; allowed: {', '.join(PARTS)}")
         return text
     value = number(cause, key, options, "")
-    above_0 = effect.limits.get(key, (0.0, np.inf))[0] > 0
-    if value < 0 or (value == 0 and above_0):
-        least = "more than 0" if above_0 else "0 or more"
+    low, high = effect.limits.get(key, (0.0, np.inf))
+    least_of_all = low if low == -high else 0.0  # one to either side; else below 0 stands for none
+    if value < least_of_all or (value == 0 and low > 0):
+        least = "more than 0" if low > 0 else f"{least_of_all:g} or more"
         raise InputError(f"effect {cause}: {key} {text} is not allowed; {least}")
     return value
 
