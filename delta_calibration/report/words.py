@@ -42,7 +42,7 @@ def _wrong(verdict: Verdict) -> str:
     if unknown.found:
         parts.append(f"{structure(unknown)}.")
     nothing = "nothing beyond the errors of the parts, which calibration sets."
-    return capital(" ".join(parts) or nothing)
+    return " ".join(map(capital, parts or [nothing]))
 
 
 def _how_sure(verdict: Verdict) -> str:
@@ -64,8 +64,7 @@ def _how_sure(verdict: Verdict) -> str:
         )
     elif not parts or verdict.unknown_structure.found:
         parts.append(f"smallest p of {len(tests)} tests of the remaining errors: {least}.")
-    joined = " ".join(parts).replace("p = <", "p <")
-    return capital(joined)
+    return " ".join(map(capital, parts)).replace("p = <", "p <")
 
 
 def _gains(verdict: Verdict) -> str:
@@ -79,7 +78,7 @@ def _gains(verdict: Verdict) -> str:
             f"all with the map of the unexplained error: held-out error {mm(before)} mm "
             f"calibrated, {mm(after)} mm extended."
         )
-    return capital(" ".join(parts))
+    return " ".join(map(capital, parts))
 
 
 def _to_do(verdict: Verdict) -> str:
@@ -89,7 +88,7 @@ def _to_do(verdict: Verdict) -> str:
         if finding.action is not None:
             order = finding.action.sentence().removeprefix("to do: ")
             told.append(f"{finding.called()}: {order}. To confirm: {finding.action.confirm}.")
-    return capital(" ".join(told))
+    return " ".join(map(capital, told))
 
 
 def _mapped(verdict: Verdict) -> bool:
