@@ -457,7 +457,7 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
 
 
-def test_a_value_that_shows_in_one_sector_only_is_taken_to_be_as_large_as_the_others(
+def test_a_value_that_shows_in_one_sector_only_keeps_to_the_size_of_the_effect(
     evidence,
 ) -> None:
     """Without it, what little the other sectors say of the value is all that is foretold of it."""

@@ -51,7 +51,7 @@ class Candidate:
 
     @property
     def plain(self) -> bool:
-        """Whether its shape has no searched field."""
+        """Whether nothing was searched to find its shape: the effect has no open field."""
         return self.effect is None or not self.effect.bounded_intervals()
 
     @property

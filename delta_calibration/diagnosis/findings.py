@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.actions import action_of
 from delta_calibration.diagnosis.candidates import (
     Candidate,
-    all_columns,
     bounds_of,
     columns_of,
     products_of,
@@ -97,7 +95,7 @@ class HeldOutModels:
         key = (id(part), *(id(m) for m in terms))
         if key not in self._known:
             prior = [self._prior(term, part) for term in terms]
-            evidence, whole = (_with(e, terms, prior) for e in (self.evidence, self.whole))
+            evidence, whole = (beside(e, terms, prior) for e in (self.evidence, self.whole))
             self._known[key] = held_out(evidence, part, whole)
         return self._known[key]
 
@@ -207,15 +205,6 @@ class HeldOutModels:
     def mm(self, held: HeldOut) -> float:
         """Root mean square over the poses [mm]."""
         return MM * held.rms(self.poses)
-
-
-def _with(
-    evidence: LinearizedModel, terms: Sequence[Candidate], prior: Sequence[Array]
-) -> LinearizedModel:
-    """The evidence with the terms' columns in its nuisance, with these precisions."""
-    if not terms:
-        return evidence
-    return evidence.beside(all_columns(terms, evidence), np.concatenate(prior))
 
 
 def of_term(

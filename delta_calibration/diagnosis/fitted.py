@@ -325,16 +325,29 @@ def without_effects(theta: Array, layout: Layout) -> Array:
     return base
 
 
-def beside(evidence: LinearizedModel, terms: Sequence[Candidate]) -> LinearizedModel:
-    """The evidence with the columns of some terms added to its nuisance."""
+def beside(
+    evidence: LinearizedModel, terms: Sequence[Candidate], prior: Sequence[Array] = ()
+) -> LinearizedModel:
+    """The evidence with the columns of some terms added to its nuisance.
+
+    Args:
+        evidence: of the samples.
+        terms: to add.
+        prior: precision of each value of each term, (k,) each; `PRECISION` if not given.
+    """
     if not terms:
         return evidence
     columns = all_columns(terms, evidence)
-    return evidence.beside(columns, np.full(columns.width, PRECISION))
+    precision = np.concatenate(prior) if prior else np.full(columns.width, PRECISION)
+    return evidence.beside(columns, precision)
 
 
 def _reached(effect: Effect, other: Effect) -> bool:
-    """Whether another shape is within the intervals of an effect, apart from what values set."""
+    """Whether refining an effect's own shape can reach another shape.
+
+    It can if all fields are equal, except those within its intervals and those that follow from
+    its values.
+    """
     own, shape = effect.settings, other.settings
     none, unit = (effect.refined(np.full(len(effect.parameters), v)).settings for v in (0.0, 1.0))
     by_values = {name for name in own if none[name] != unit[name]}

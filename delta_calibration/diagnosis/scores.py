@@ -244,7 +244,7 @@ def _by_kind(shapes: Sequence[Candidate]) -> Iterator[tuple[bool, slice | NDArra
 
 
 def tries_of(term: Candidate, tried: Sequence[Score]) -> tuple[float, float]:
-    """Tries of the search for a term's cause, as those of a score; 1 if it was not searched."""
+    """Tries that the search for a term's cause made (`Score.tries_of`); 1 if there was none."""
     own = [s.tries_of for s in tried if s.candidate.same_cause(term)]
     return max((a for a, _ in own), default=1.0), max((b for _, b in own), default=1.0)
 

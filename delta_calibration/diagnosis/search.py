@@ -399,7 +399,7 @@ def _with_outliers(model: Fitted, rng: np.random.Generator) -> Fitted:
 
 
 def _likelier_start(starts: Sequence[_Fits], scans: Sequence[Scan]) -> tuple[_Fits, Scan]:
-    """The start, and its scan, about which the best explanation is likeliest."""
+    """The start from which the best explanation, fitted in full, is likeliest, and its scan."""
     if len(starts) == 1:
         return starts[0], scans[0]
     cost = [_cost_of_the_best(*begun) for begun in zip(starts, scans, strict=True)]
