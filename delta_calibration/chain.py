@@ -181,14 +181,22 @@ class Chain:
         masses = self.effects[0].robot.masses if self.effects else None
         return self.mechanism.body(masses)
 
-    def stages(self, parts: tuple[str, ...]) -> Any:
-        """Effects of drives, structure and base, in compiled form (model/stand.py).
+    def compiled(self, places: Places) -> tuple[Any, Any]:
+        """Effects of drives, structure and base (model/stand.py), and those of the measurement.
 
         Args:
-            parts: names of the parts whose temperatures are recorded.
+            places: layout of the signals that they take.
         """
-        places = Places.of(self.mechanism, parts)
-        return stages_of(self.effects, tuple(self.layout.each), places)
+        if places not in self._compiled:
+            each = tuple(self.layout.each)
+            last = table_of_stage(Stage.MEASUREMENT, self.effects, each, places)
+            self._compiled[places] = stages_of(self.effects, each, places), last
+        return self._compiled[places]
+
+    @cached_property
+    def _compiled(self) -> dict[Places, tuple[Any, Any]]:
+        """Results of `compiled`: the samples of a fit and of its held-out parts share them."""
+        return {}
 
     def point(self, x: Array, offset: Array) -> Array:
         """Position in the base frame of a point fixed to the platform, (n, 3) [m]."""
@@ -209,18 +217,6 @@ class Predictor:
     signals: Signals  # recorded
 
     @cached_property
-    def stages(self) -> Any:
-        """Effects of drives, structure and base, see `Chain.stages`."""
-        return self.chain.stages(self.signals.places.parts)
-
-    @cached_property
-    def _last(self) -> Any:
-        """Effects of the measurement, in compiled form."""
-        return table_of_stage(
-            Stage.MEASUREMENT, self.chain.effects, self.chain.layout.each, self.signals.places
-        )
-
-    @cached_property
     def _begins(self) -> Index:
         """First entries of offset, turn and place in theta."""
         layout = self.chain.layout
@@ -239,6 +235,7 @@ class Predictor:
             Poses, readings and derivatives; NaN rows out of reach.
         """
         chain, known = self.chain, self.signals
+        stages, last = chain.compiled(known.places)
         near = guess is not None and not chain.mechanism.exact
         x = np.zeros((len(known), chain.mechanism.pose_size))
         if near:
@@ -246,8 +243,8 @@ class Predictor:
         theta = np.ascontiguousarray(theta, dtype=float)
         seen = _view().see(
             chain.body,
-            self.stages,
-            self._last,
+            stages,
+            last,
             self._device(theta),
             known.rows,
             theta[chain.layout.geometry],

@@ -11,7 +11,7 @@ from delta_calibration.data import at_rest
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import chain_of
 from delta_calibration.estimation.fit import prepare
-from delta_calibration.estimation.problem import _Loss, solve
+from delta_calibration.estimation.problem import Near, _Loss, solve
 from identification_bench import ROBOT, errors, found, rms
 from six_rods import Cell, SixRods, workspace
 
@@ -68,10 +68,31 @@ def test_whitened_residuals_of_the_truth_have_unit_size():
 
 def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
     one = solve(problem)
-    other = solve(problem, away(problem, np.random.default_rng(4)))
+    other = solve(problem, Near(away(problem, np.random.default_rng(4))))
     assert other.cost == pytest.approx(one.cost, abs=0.1)  # in units of chi square
     apart = points(one) - points(other)
     assert rms(apart) < 2e-7
+
+
+def test_a_platform_that_cannot_rotate_has_one_minimum_of_the_offset():
+    """Three spheres: the offset is the frame's, so that no other one is tried, from anywhere."""
+    problem = problem_of(found(0)[1], "rotary_delta")
+    one = solve(problem)
+    for side in (-1.0, 1.0):
+        begin = Near(np.where(problem.offset_rows(), side, 0.0))
+        other = solve(problem, begin, everywhere=True)
+        assert other.cost == pytest.approx(one.cost, abs=0.1)
+        assert rms(points(one) - points(other)) < 2e-7
+        assert max(one.evaluations, other.evaluations) < 12  # eight starts would take twice that
+    np.testing.assert_allclose(one.z[problem.offset_rows()], 0.0, atol=0.01)
+
+
+def test_a_start_that_is_linearized_already_leads_to_the_same(problem):
+    whole, some = solve(problem), np.arange(0, len(problem.at), 2)
+    part = problem.take(some)
+    known, sought = solve(part, whole.near(some)), solve(part, Near(whole.z))
+    np.testing.assert_allclose(known.z, sought.z, atol=1e-6)
+    assert known.cost == pytest.approx(sought.cost, abs=1e-6)
 
 
 def test_fixed_parameters_stay(problem):
@@ -145,4 +166,4 @@ def test_a_start_out_of_reach_is_refused_by_pose():
     for leg in (1, 2, 3):
         z[problem.chain.parameters.row(f"rod_{leg}")] = -3500.0  # 0.7 m too short
     with pytest.raises(DataError, match=r"pose 1 of 20 cannot be reached .* joints .* rad"):
-        solve(problem, z)
+        solve(problem, Near(z))

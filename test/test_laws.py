@@ -719,7 +719,8 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
         ).stdout
 
     warmed = run("delta_calibration.cli.warm")
-    lines = [line for line in warmed.splitlines() if not line.startswith("[cache]")]
+    # processes that write at once may leave an empty line
+    lines = [line for line in warmed.splitlines() if line and not line.startswith("[cache]")]
     assert len(lines) == 1
     assert lines[0].startswith(f"compiled: {len(PACKAGE)} laws")
     main = "delta_calibration.cli.main"

@@ -114,7 +114,7 @@ class IdentifiedMachine:
         )
         theta = np.array(self.theta, dtype=float)
         g = theta[self.chain.layout.geometry].copy()
-        stages = self.chain.stages(self.parts)
+        stages, _ = self.chain.compiled(self.places)
         reshaped = bool(self.reshaping)
         body = self.mechanism.body(self.masses)
         exact = bool(self.mechanism.exact)

@@ -32,6 +32,7 @@ from delta_calibration.effects import Effect, catalogue
 from delta_calibration.estimation import (
     Identification,
     Measured,
+    Near,
     Population,
     carried_by,
     chain_of,
@@ -215,7 +216,7 @@ def calibrated(
         whole = prepare(survey.poses, robot, chain.with_effects(population.effects))[2]
         plain = solve(with_turns(whole, survey.poses, robot, noise))
         problem = carried_by(plain, population).bare.applied(problem)
-        near = problem.unknowns(plain.theta[problem.layout.base])
+        near = Near(problem.unknowns(plain.theta[problem.layout.base]))
     return solved(survey, cell, problem, near)
 
 

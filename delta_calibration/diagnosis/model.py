@@ -23,6 +23,7 @@ from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.estimation import (
+    Near,
     Population,
     Problem,
     prepare,
@@ -130,7 +131,7 @@ class Model(Fitted):
         free = np.ones(len(self.theta), dtype=bool)
         free[_offset(self)] = False
         held = self.problem.only(free)
-        solution = solve(held, held.unknowns(self.theta))
+        solution = solve(held, Near(held.unknowns(self.theta)))
         cell = replace(self.cell, weight=solution.weight)
         return replace(self, theta=solution.theta, cell=cell, near=None, seen=None)
 
@@ -206,14 +207,14 @@ class Model(Fitted):
         return rested(self)
 
 
-def solved(survey: Survey, cell: Cell, problem: Problem, near: Array | None = None) -> Model:
+def solved(survey: Survey, cell: Cell, problem: Problem, near: Near | None = None) -> Model:
     """Identify the geometry from the poses, without effects in the chain.
 
     Args:
         survey: poses and paths.
         cell: robot, noise and weights; the weights of the poses are determined again.
         problem: that of fitting the poses.
-        near: unknowns to start from, (F,); the problem's own theta if not given.
+        near: where to start; the problem's own theta if not given.
     """
     solution = solve(problem, near, everywhere=True)
     model = Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
@@ -333,7 +334,7 @@ def _settled(model: Model, everywhere: bool) -> Model:
         free[entries(own)[list(term.rows)]] = _shows_at_rest(model, term)
     held = np.where(free, problem.theta0, model.theta)
     start = replace(problem, theta0=held).only(free)
-    solution = solve(start, start.unknowns(model.theta), everywhere=everywhere)
+    solution = solve(start, Near(start.unknowns(model.theta)), everywhere=everywhere)
     cell = replace(model.cell, weight=solution.weight)
     return replace(model, theta=solution.theta, cell=cell, near=None, seen=None)
 

@@ -50,6 +50,7 @@ from delta_calibration.estimation.population import (
 )
 from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
 from delta_calibration.estimation.problem import (
+    Near,
     Problem,
     Solution,
     build_problem,
@@ -85,6 +86,7 @@ __all__ = [
     "Method",
     "Missed",
     "MixedFit",
+    "Near",
     "Noise",
     "Observability",
     "Observation",

@@ -23,7 +23,7 @@ from delta_calibration.estimation.observability import (
 )
 from delta_calibration.estimation.population import Population, carried_by
 from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
-from delta_calibration.estimation.problem import Problem, Solution, build_problem, solve
+from delta_calibration.estimation.problem import Near, Problem, Solution, build_problem, solve
 from delta_calibration.estimation.registration import registered
 from delta_calibration.estimation.turns import with_turns
 from delta_calibration.geometry import Frame, align
@@ -179,7 +179,9 @@ def identify(
     if population is not None:
         plain = solve(problem)
         problem = carried_by(plain, population).applied(drawn)
-        near = problem.unknowns(plain.theta)  # start: its residuals show the noise, not the prior
+        near = Near(
+            problem.unknowns(plain.theta)
+        )  # start: its residuals show the noise, not the prior
     prior = told_by(carried, population)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
@@ -348,7 +350,7 @@ def _held_out(
     missed = np.zeros_like(problem.y)
     for part in np.unique(folds):
         held, seen = np.flatnonzero(folds == part), np.flatnonzero(folds != part)
-        fitted = method.fit(problem.take(seen), rng, watch, solution.z).solution
+        fitted = method.fit(problem.take(seen), rng, watch, solution.near(seen)).solution
         at = problem.at.take(held)
         machine = problem.chain.see(at, fitted.theta[problem.layout.chain], asked="nothing")
         problem.chain.mechanism.require_reach(machine.x, at.joint, "held-out command")

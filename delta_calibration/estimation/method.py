@@ -10,11 +10,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from delta_calibration.estimation.problem import SETTLED, Problem, Solution, solve
-
-Array = NDArray[np.float64]
+from delta_calibration.estimation.problem import SETTLED, Near, Problem, Solution, solve
 
 Watch = Callable[[int], object]
 """Is told how many evaluations were made since it was told last."""
@@ -42,7 +39,7 @@ class Method(ABC):
         problem: Problem,
         rng: np.random.Generator,
         watch: Watch,
-        near: Array | None = None,
+        near: Near | None = None,
     ) -> Fit:
         """Solve the problem.
 
@@ -50,7 +47,7 @@ class Method(ABC):
             problem: with all parameters that may be wrong free.
             rng: generator of all random numbers.
             watch: called with the number of new evaluations while the method runs.
-            near: a fit (F,) to these poses and to held-out ones, which the result is to predict.
+            near: a fit to these poses and to held-out ones, which the result is to predict.
                 Only a method whose result does not depend on its start may start there.
 
         Raises:
@@ -79,7 +76,7 @@ class LeastSquares(Method):
         problem: Problem,
         rng: np.random.Generator,
         watch: Watch,
-        near: Array | None = None,
+        near: Near | None = None,
     ) -> Fit:
         """See `Method.fit`; uses no random numbers."""
         del rng, watch

@@ -84,12 +84,21 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    separable = 3 * _by_conditions(poses, poses.place, slope).degrees >= 2 * _ENOUGH
-    poses = _without_gross(poses, covariance, slope)
+    known: dict[bytes, _Visits] = {}
+
+    def by_conditions(place: Index) -> _Visits:
+        """`_by_conditions`, computed once for the same labels: gross errors are rare."""
+        labels = place.tobytes()
+        if labels not in known:
+            known[labels] = _by_conditions(poses, place, slope)
+        return known[labels]
+
+    separable = 3 * by_conditions(poses.place).degrees >= 2 * _ENOUGH
+    repeat, place = _without_gross(poses, covariance, by_conditions)
     visits = (
-        _by_conditions(poses, poses.place, slope)
+        by_conditions(place)
         if separable  # noise from conditions; else only true repeats tell it
-        else _visits(poses.point, poses.repeat)
+        else _visits(poses.point, repeat)
     )
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
@@ -124,8 +133,10 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     return max(float(scales[0]), 1e-3), max(float(scales[1]), 1e-3)
 
 
-def _without_gross(poses: Poses, covariance: Array, slope: Array) -> Poses:
-    """Label poses with a gross error as unrepeated, so that they do not count as noise.
+def _without_gross(
+    poses: Poses, covariance: Array, by_conditions: Callable[[Index], _Visits]
+) -> tuple[Index, Index]:
+    """Labels of repeats and places with gross errors as unrepeated, so that they are no noise.
 
     A knocked reflector is no noise. Poses over 6 robust standard deviations from the mean of their
     repeat, 20 from that of their place, or 12 from what the conditions explain, are not used.
@@ -135,8 +146,8 @@ def _without_gross(poses: Poses, covariance: Array, slope: Array) -> Poses:
     place = _alone(poses.place, gross)
     # where the conditions could explain nearly all, they would explain the gross errors as well
     place, _ = _without(place, white, lambda each: _visits(poses.point, each), _FAR)
-    place, _ = _without(place, white, lambda each: _by_conditions(poses, each, slope), _LEFT_FAR)
-    return replace(poses, repeat=repeat, place=place)
+    place, _ = _without(place, white, by_conditions, _LEFT_FAR)
+    return repeat, place
 
 
 def _without(

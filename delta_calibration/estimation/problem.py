@@ -48,6 +48,7 @@ _DAMPING = 1e-3  # least damping of a step; a prior adds 1 to the same diagonal
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
 _GROSS = 3.0  # times the Huber distance, beyond which a pose is a gross error and has weight 0
 _TOLD = 10.0  # prior over posterior standard deviation from which the offset has one minimum
+_UNTOLD = 1e-4  # share of the prior's variance below which a decrease tells nothing of the offset
 _ROUNDS = 12  # most rounds in which the loss is adapted to the residuals
 _SHRUNK = 0.9  # ratio of successive bends of the loss, above which they have converged
 MOUNT_NAMES = vector_names("probe_turn")
@@ -66,6 +67,21 @@ class Linearized:
     def slope(self) -> Array:
         """The Jacobian rows grouped by pose, (n, d, F)."""
         return self.rows.reshape(*self.residual.shape, -1)
+
+    def take(self, samples: NDArray[np.intp]) -> Linearized:
+        """Some of the samples."""
+        count, width = self.residual.shape
+        rows = self.slope[samples].reshape(len(samples) * width, -1) if count else self.rows
+        own = self.pose[samples], self.residual[samples], rows, self.numbers[samples]
+        return Linearized(*own)
+
+
+@dataclass(frozen=True)
+class Near:
+    """Start of a search: unknowns z (F,), and the problem linearized there if that is known."""
+
+    z: Array
+    at: Linearized | None = None
 
 
 @dataclass(frozen=True)
@@ -221,6 +237,10 @@ class Solution:
         """Whitened measured less predicted, (n, d)."""
         return self.at.residual
 
+    def near(self, samples: NDArray[np.intp]) -> Near:
+        """Start of a search for the solution by some of the samples."""
+        return Near(self.z, self.at.take(samples))
+
 
 def build_problem(chain: Chain, measured: Measured, start: Array) -> Problem:
     """Build a tracker's problem, all parameters free, scales and priors from the chain."""
@@ -277,7 +297,7 @@ class _Loss:
 @one_thread()
 def solve(
     problem: Problem,
-    start: Array | None = None,
+    start: Near | None = None,
     robust: bool = True,
     settled: float = SETTLED,
     everywhere: bool = False,
@@ -295,8 +315,8 @@ def solve(
     Raises:
         DataError: the start, or the fit, has poses that the model cannot reach.
     """
-    z = np.zeros(int(problem.free.sum())) if start is None else start
-    now = first = _state(problem, z, _Loss(), None)
+    begin = Near(np.zeros(int(problem.free.sum()))) if start is None else start
+    now = first = _state(problem, begin.z, _Loss(), None, at=begin.at)
     if not robust:
         return _solution(problem, _search(problem, _Loss(), now, settled))
     bend, made = _bend(now.at.residual, now.at.numbers), 1
@@ -328,7 +348,8 @@ def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
     """Whether the reflector's offset may have another local minimum: if it is ill determined.
 
     A platform that rotates far has readings that are linear in the offset and determine it to a
-    fraction of its prior: no minimum a prior standard deviation away is as low.
+    fraction of its prior: no minimum a prior standard deviation away is as low. On one that cannot
+    rotate the offset moves all readings alike, as the frame does: what is left of it is its prior.
     """
     offset = np.flatnonzero(problem.offset_rows())
     if not offset.size:
@@ -336,7 +357,8 @@ def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
     normal = now.equations[0].copy()
     normal.flat[:: len(normal) + 1] += _DAMPING
     spread = solved(normal, np.eye(len(normal))[:, offset])[offset]
-    return bool(np.linalg.eigvalsh(spread).max() > 1 / _TOLD**2)
+    told = np.linalg.eigvalsh(spread)
+    return bool(told[-1] > 1 / _TOLD**2 and told[0] * (1 + _DAMPING) < 1 - _UNTOLD)
 
 
 def _likeliest_place(problem: Problem, loss: _Loss, now: _State, settled: float) -> _State:
@@ -485,10 +507,15 @@ class _State:
 
 
 def _state(
-    problem: Problem, z: Array, loss: _Loss, guess: Array | None, evaluations: int = 0
+    problem: Problem,
+    z: Array,
+    loss: _Loss,
+    guess: Array | None,
+    evaluations: int = 0,
+    at: Linearized | None = None,
 ) -> _State:
     theta = problem.theta(z)
-    at = problem.linearized(theta, guess)
+    at = problem.linearized(theta, guess) if at is None else at
     even = np.ones(len(at.residual))
     state = _State(z, theta, at, even, np.inf, evaluations + 1, problem.expected, loss.spread)
     return replace(_under(problem, loss, state), evaluations=state.evaluations)

@@ -199,7 +199,7 @@ class Record(structref.StructRefProxy):  # type: ignore[misc,unused-ignore]
     def __new__(cls, *values: Any, **named: Any) -> Any:
         """Make a record from the values of all fields."""
         every = (*values, *(named[name] for name in cls._fields[len(values) :]))
-        made = cls._make(every)
+        made = cls._make(*every)
         made.values = every
         return made
 
@@ -238,7 +238,7 @@ def record(kind: type[_Kind]) -> type[_Kind]:
     made = type(name, (Record,), {**names, "__doc__": kind.__doc__, "_fields": fields})
     _structref.define_constructor(made, form, fields)
     _structref.define_boxing(form, made)
-    made._make, made._read = _maker(made), _reader(fields)  # type: ignore[attr-defined]
+    made._make, made._read = _maker(made, fields), _reader(fields)  # type: ignore[attr-defined]
     return cast(type[_Kind], made)
 
 
@@ -266,19 +266,24 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 def _reader(fields: tuple[str, ...]) -> Any:
     """Make the function that reads all fields of a record; compiled on its first, rare use."""
-    code = f"def read(own): return ({', '.join(f'own.{name}' for name in fields)},)"
-    names: dict[str, Any] = {}
-    exec(code, names)
+    read = _written("own", f"({', '.join(f'own.{name}' for name in fields)},)", {})
     njit: Any = numba.njit
-    return staticmethod(njit(names["read"]))
+    return staticmethod(njit(read))
 
 
-def _maker(kind: Any) -> Any:
-    def make(values: Any) -> Any:
-        return kind(*values)
-
+def _maker(kind: Any, fields: tuple[str, ...]) -> Any:
+    """Make the function that makes a record; numba types single values faster than a tuple."""
+    every = ", ".join(fields)
+    make = _written(every, f"kind({every})", {"kind": kind, "__name__": kind.__module__})
     make.__qualname__ = f"make_{kind.__name__}_{_digest(_sources(kind.__module__))}"
+    make.__code__ = make.__code__.replace(co_filename=str(sys.modules[kind.__module__].__file__))
     return _kept(numba.njit, make, None)
+
+
+def _written(arguments: str, result: str, names: dict[str, Any]) -> Any:
+    """Function of named arguments, written as text because numba takes no unknown number."""
+    exec(f"def function({arguments}): return {result}", names)
+    return names["function"]
 
 
 _WORD, _BYTES = ir.IntType(64), ir.IntType(8).as_pointer()
