@@ -17,6 +17,7 @@ from blind.cause import Cause
 from delta_calibration.cli.diagnose import describe
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
+from delta_calibration.diagnosis import judge as judgement
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.law_grammar import Grammar
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
@@ -191,6 +192,19 @@ def test_growth_that_is_not_in_the_catalogue_is_one_of_the_arms_temperature() ->
         true = 0.32 * float(cause.values["expansion"])  # length of the arm [m]
         assert slope.unit == "m/K"
         assert abs(slope.value - true) < 3.5 * slope.std
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("doubt", [0.4, 0.6])
+def test_a_cause_is_named_only_where_it_is_likelier_than_a_law(monkeypatch, doubt: float) -> None:
+    """Otherwise a map stands in its place, so that its errors are corrected all the same."""
+    monkeypatch.setattr(judgement, "doubts_of_names", lambda *_: doubt)
+    session = survey(hide({"joint_compliance": 1.0}, 518).session, ROBOT.joints.names)
+    verdict = diagnose(session, ROBOT, seed=518).verdict
+    named = [finding for finding in verdict.findings if finding.cause == "joint_compliance"]
+    assert verdict.unknown_structure.found == (doubt > 0.5)
+    assert [f.confidence <= 1 - doubt for f in named] == [True] * (doubt < 0.5)
+    assert verdict.extended.held_out_rms_mm < 0.8 * verdict.calibrated.held_out_rms_mm
 
 
 @pytest.mark.slow

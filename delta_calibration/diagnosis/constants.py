@@ -58,7 +58,7 @@ SOME = 0.02
 # the same for a map that may be due to chance, on machines that others measured as well
 MUCH = 0.1
 IMPERFECT = 2e-3  # share of what a model explains that may be its own error
-LIKELIER = 0.9  # probability of a law from which causes that it also explains are not named
+LIKELIER = 0.5  # probability of a law from which causes that it also explains are not named
 TEMPER = 3.0  # ln p of laws is divided by this: calibrates their stated probability
 LAW_SURE = 0.6  # probability from which a law is reported
 LAW_ALIKE = 0.98  # share of a signal that another law also follows, above which both are one class

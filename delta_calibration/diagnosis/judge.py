@@ -159,7 +159,7 @@ def _less_than_a_law(
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
-    They are removed even if no law is sure enough to be reported.
+    They are removed even if no law is sure enough to be reported; then a map may take their place.
     """
     named = [m for m in said if m.effect is not None and not m.unexplained]
     if not named or not found.model.placed:
@@ -171,8 +171,9 @@ def _less_than_a_law(
     if doubt < LIKELIER and all(doubted[m].confidence >= LEAST_SURE for m in named):
         return found, held, doubted
     bare = found.model.fitted(tuple(m for m in said if m.effect is None))
-    found = replace(found, model=bare, last=scanned(bare, effects, rng).without(named))
-    return _holding(found, bare, rng)
+    last = scanned(bare, effects, rng).without(named)
+    mapped = bare if last.map is None else bare.fitted((*bare.terms, last.map.candidate))
+    return _holding(replace(found, model=mapped, last=last), bare, rng)
 
 
 def _doubted(finding: Finding, doubt: float) -> Finding:
