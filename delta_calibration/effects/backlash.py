@@ -117,9 +117,8 @@ class Backlash(Effect):
 
     def missing(self, at: Conditions) -> str:
         """Also an unknown payload, if loads can hold the arm."""
-        known = np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all()
-        if self.held_by and not known:
-            return "the payload is not known"
+        if self.held_by and not _carried(at):
+            return _NO_PAYLOAD
         return super().missing(at)
 
     def _load(self, at: Conditions) -> Array:
@@ -127,24 +126,38 @@ class Backlash(Effect):
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """Backlash closed by the arms' weight: -(gap / 2) sign(torque) is then a zero offset."""
+        """Backlash closed by the arms' weight: -(gap / 2) sign(torque) is then a zero offset.
+
+        If the payload is not known, neither is the torque, and no such backlash was searched.
+        """
         if not isinstance(self.mechanism, DeltaModel) or not len(at):
             return None
         torque = self._load(at)
         held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)
         if not held.any():
-            return None
+            return self._not_searched(at)
         joints = "every joint"
         if not held.all():
             names = np.array(self.robot.joints.names)[held]
             joints = f"joint{'s' if len(names) > 1 else ''} {', '.join(names)}"
         return (
-            "backlash held by weight",
+            _HELD,
             "joint_zero_offset",
             f"the torque of the weight on {joints} has the same sign at all poses: it closes the "
             "backlash, which is then not visible from either side of approach",
             "measure with the weight balanced or its torque reversed (spring or counterweight on "
             "the arms)",
+        )
+
+    def _not_searched(self, at: Conditions) -> tuple[str, str, str, str] | None:
+        if _carried(at) or self.robot.masses is None:
+            return None
+        return (
+            _HELD,
+            "none",
+            f"{_NO_PAYLOAD}, and so neither is the torque that may hold the backlash on one side: "
+            "only backlash that follows the direction of motion was searched",
+            "record the payload: its mass and its centre",
         )
 
     def wrong(self) -> str:
@@ -161,6 +174,13 @@ class Backlash(Effect):
         return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))
 
 
+def _carried(at: Conditions) -> bool:
+    """Whether the payload is known at all samples."""
+    return bool(np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all())
+
+
+_NO_PAYLOAD = "the payload is not known"
+_HELD = "backlash held by weight"
 _LEAST = 1e-9  # [rad of a Delta]
 _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction
 _ROUNDING = 1e-6  # of the largest torque: what a smaller one decides is rounding error

@@ -310,11 +310,11 @@ class Effect(ABC):
         return f"a {self.mechanism.name} has no such part"
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """A form of the cause that such data cannot distinguish from another cause.
+        """A form of the cause that such data cannot show, or not apart from another cause.
 
         Returns:
-            Its name, the cause that it is taken for, the reason, and the measurement that would
-            separate them; None if there is no such form.
+            Its name, the cause that it is taken for or "none", the reason, and the measurement
+            that would show it; None if there is no such form.
         """
         del at
         return None
