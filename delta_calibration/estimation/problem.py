@@ -70,10 +70,9 @@ class Linearized:
 
     def take(self, samples: NDArray[np.intp]) -> Linearized:
         """Some of the samples."""
-        count, width = self.residual.shape
-        rows = self.slope[samples].reshape(len(samples) * width, -1) if count else self.rows
-        own = self.pose[samples], self.residual[samples], rows, self.numbers[samples]
-        return Linearized(*own)
+        residual, numbers = self.residual[samples], self.numbers[samples]
+        rows = self.slope[samples].reshape(residual.size, self.rows.shape[1])
+        return Linearized(self.pose[samples], residual, rows, numbers)
 
 
 @dataclass(frozen=True)

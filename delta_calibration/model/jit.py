@@ -276,6 +276,7 @@ def _maker(kind: Any, fields: tuple[str, ...]) -> Any:
     every = ", ".join(fields)
     make = _written(every, f"kind({every})", {"kind": kind, "__name__": kind.__module__})
     make.__qualname__ = f"make_{kind.__name__}_{_digest(_sources(kind.__module__))}"
+    # where numba keeps the machine code: beside the module of the class
     make.__code__ = make.__code__.replace(co_filename=str(sys.modules[kind.__module__].__file__))
     return _kept(numba.njit, make, None)
 
