@@ -26,6 +26,7 @@ from delta_calibration.estimation import (
     Near,
     Population,
     Problem,
+    offset_is_doubtful,
     prepare,
     robust_weights,
     solve,
@@ -140,7 +141,8 @@ class Model(Fitted):
 
         If the platform hardly tilts, the error of the poses has a second minimum of nearly the
         same depth, with the offset centimetres away or more. The readings in motion decide which
-        is right; about the wrong one they would show structure that does not exist.
+        is right; about the wrong one they would show structure that does not exist. Only for an
+        offset that the poses leave in doubt: about one that they refute nothing can be compared.
         """
         if not (len(self.survey.paths) and self.misfit < LACKING):
             return self
@@ -218,7 +220,7 @@ def solved(survey: Survey, cell: Cell, problem: Problem, near: Near | None = Non
     """
     solution = solve(problem, near, everywhere=True)
     model = Model(survey, problem, replace(cell, weight=solution.weight), solution.theta)
-    return model.on_its_floor()
+    return model.on_its_floor() if offset_is_doubtful(solution) else model
 
 
 @one_thread()

@@ -343,6 +343,12 @@ def solve(
     return _solution(problem, replace(best, evaluations=made))
 
 
+def offset_is_doubtful(solution: Solution) -> bool:
+    """Whether another offset of the reflector may fit as well, see `_may_be_elsewhere`."""
+    problem, own = solution.problem, (solution.z, solution.theta, solution.at, solution.weight)
+    return _may_be_elsewhere(problem, _State(*own, solution.cost, 0, problem.expected, 1.0))
+
+
 def _may_be_elsewhere(problem: Problem, now: _State) -> bool:
     """Whether the reflector's offset may have another local minimum: if it is ill determined.
 
