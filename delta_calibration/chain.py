@@ -182,10 +182,13 @@ class Chain:
         return self.mechanism.body(masses)
 
     def compiled(self, places: Places) -> tuple[Any, Any]:
-        """Effects of drives, structure and base (model/stand.py), and those of the measurement.
+        """Compile the effects, once for each layout of signals; nothing writes into the result.
 
         Args:
-            places: layout of the signals that they take.
+            places: layout of the signals that the effects take.
+
+        Returns:
+            Those of drives, structure and base (model/stand.py), and those of the measurement.
         """
         if places not in self._compiled:
             each = tuple(self.layout.each)

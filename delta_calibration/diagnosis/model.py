@@ -142,7 +142,7 @@ class Model(Fitted):
         If the platform hardly tilts, the error of the poses has a second minimum of nearly the
         same depth, with the offset centimetres away or more. The readings in motion decide which
         is right; about the wrong one they would show structure that does not exist. Only for an
-        offset that the poses leave in doubt: about one that they refute nothing can be compared.
+        offset that the poses leave in doubt: otherwise they alone decide.
         """
         if not (len(self.survey.paths) and self.misfit < LACKING):
             return self

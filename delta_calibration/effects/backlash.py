@@ -21,7 +21,15 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stage
+from delta_calibration.effects.base import (
+    NO_PAYLOAD,
+    Array,
+    Effect,
+    Interval,
+    Limits,
+    Stage,
+    payload_known,
+)
 from delta_calibration.effects.regressor import Groups, by_direction
 from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import (
@@ -117,8 +125,8 @@ class Backlash(Effect):
 
     def missing(self, at: Conditions) -> str:
         """Also an unknown payload, if loads can hold the arm."""
-        if self.held_by and not _carried(at):
-            return _NO_PAYLOAD
+        if self.held_by and not payload_known(at):
+            return NO_PAYLOAD
         return super().missing(at)
 
     def _load(self, at: Conditions) -> Array:
@@ -126,9 +134,10 @@ class Backlash(Effect):
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        """Backlash closed by the arms' weight: -(gap / 2) sign(torque) is then a zero offset.
+        """Backlash that a session cannot show because weight decides on which side the gap is.
 
-        If the payload is not known, neither is the torque, and no such backlash was searched.
+        If a joint is held on one side at all poses, its backlash looks like a zero offset. If the
+        payload is not known, neither is the torque, and such backlash was not searched.
         """
         if not isinstance(self.mechanism, DeltaModel) or not len(at):
             return None
@@ -150,12 +159,12 @@ class Backlash(Effect):
         )
 
     def _not_searched(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        if _carried(at) or self.robot.masses is None:
+        if payload_known(at) or self.robot.masses is None:
             return None
         return (
             _HELD,
             "none",
-            f"{_NO_PAYLOAD}, and so neither is the torque that may hold the backlash on one side: "
+            f"{NO_PAYLOAD}, and so neither is the torque that may hold the backlash on one side: "
             "only backlash that follows the direction of motion was searched",
             "record the payload: its mass and its centre",
         )
@@ -174,12 +183,6 @@ class Backlash(Effect):
         return replace(self, width=tuple(np.clip(values, 0.0, None).tolist()))
 
 
-def _carried(at: Conditions) -> bool:
-    """Whether the payload is known at all samples."""
-    return bool(np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all())
-
-
-_NO_PAYLOAD = "the payload is not known"
 _HELD = "backlash held by weight"
 _LEAST = 1e-9  # [rad of a Delta]
 _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction

@@ -350,9 +350,8 @@ class Effect(ABC):
 
     def missing(self, at: Conditions) -> str:
         """Reason why the effect cannot be evaluated under these conditions; empty if it can."""
-        known = np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all()
-        if "payload" in self.needs and not known:
-            return "the payload is not known"
+        if "payload" in self.needs and not payload_known(at):
+            return NO_PAYLOAD
         if "direction" in self.needs and not (at.direction != 0).any():
             return "the direction of the last motion is not known"
         return ""
@@ -406,6 +405,14 @@ class Effect(ABC):
     ) -> ParameterSet:
         """One parameter for the whole machine."""
         return ParameterSet((Parameter(name, unit, 0.0, prior, self.cause, None, lower, upper),))
+
+
+NO_PAYLOAD = "the payload is not known"
+
+
+def payload_known(at: Conditions) -> bool:
+    """Whether mass and centre of the payload are known at all samples."""
+    return bool(np.isfinite(at.payload).all() and np.isfinite(at.payload_centre).all())
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ import numpy as np
 
 from delta_calibration.data import Conditions
 from delta_calibration.effects import signals
-from delta_calibration.effects.base import SPREAD, Array, Effect, Stage, terms_of
+from delta_calibration.effects.base import NO_PAYLOAD, SPREAD, Array, Effect, Stage, terms_of
 from delta_calibration.effects.regressor import (
     ANGLE,
     CLOCK,
@@ -199,7 +199,7 @@ class Unexplained(Effect):
     def missing(self, at: Conditions) -> str:
         """The condition that the map depends on, if it is not known."""
         if self.family == PAYLOAD and not np.isfinite(at.payload).all():
-            return "the payload is not known"
+            return NO_PAYLOAD
         known = at.temperature.shape[1] > 0 and np.isfinite(at.temperature[:, 0]).all()
         if self.family == TEMPERATURE and not known:
             return "no temperature is known"

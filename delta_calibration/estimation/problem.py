@@ -237,7 +237,7 @@ class Solution:
         return self.at.residual
 
     def near(self, samples: NDArray[np.intp]) -> Near:
-        """Start of a search for the solution by some of the samples."""
+        """Start, at this solution, of a fit to some of the samples only."""
         return Near(self.z, self.at.take(samples))
 
 
