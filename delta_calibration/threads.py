@@ -1,19 +1,28 @@
-"""Restricts linear algebra to one thread: on small matrices several threads wait for one another.
+"""Threads: independent work on one for each core, linear algebra on one alone.
 
 A fit multiplies matrices of some hundred rows thousands of times. Handed to two threads, a
-product that takes 0.2 ms takes 5 ms as soon as something else wants a core.
+product that takes 0.2 ms takes 5 ms as soon as something else wants a core. Work is therefore
+divided into whole fits, scores and tests, each of which stays on its thread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from functools import cache
-from threading import Lock
+from threading import Lock, local
+from typing import TypeVar
 
 import scipy.linalg  # noqa: F401 - loads its BLAS, so that it can be limited as numpy's is
 from threadpoolctl import ThreadpoolController
 
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
+
+_THREADS = min(4, os.cpu_count() or 1)
+_own = local()  # `busy` in a thread of `mapped`: what it calls is not divided again
 _lock, _limit = Lock(), ExitStack()
 _inside = 0  # number of callers that hold the limit, which applies to the whole process
 
@@ -33,6 +42,22 @@ def one_thread() -> Iterator[None]:
             _inside -= 1
             if not _inside:
                 _limit.close()
+
+
+def mapped(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
+    """Results of a function for each item, in their order, computed on several threads.
+
+    Within such a thread they are computed one after the other. Items that take long come first.
+    """
+    every = list(items)
+    if len(every) < 2 or _THREADS < 2 or getattr(_own, "busy", False):
+        return [function(item) for item in every]
+    with ThreadPoolExecutor(_THREADS, initializer=_begin) as pool:
+        return list(pool.map(function, every))
+
+
+def _begin() -> None:
+    _own.busy = True
 
 
 @cache

@@ -24,6 +24,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.threads import mapped
+
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 _AT_A_TIME = 32  # columns
@@ -168,13 +170,17 @@ class Product(Columns):
         """X' X, (k, k); 2 m_j . m_k = |m_j + m_k|^2 - |m_j|^2 - |m_k|^2 halves the work."""
         moved, count = self.moved, self.functions.shape[1]
         m = moved.shape[2]
+        pairs = [(j, k) for j in range(m) for k in range(j + 1)]
+
+        def squared(pair: tuple[int, int]) -> Array:
+            j, k = pair
+            return self._squared(moved[:, :, j] + moved[:, :, k] if k < j else moved[:, :, j])
+
+        of = dict(zip(pairs, mapped(squared, pairs), strict=True))
         found = np.empty((count, m, count, m))
-        for j in range(m):
-            own = found[:, j, :, j] = self._squared(moved[:, :, j])
-            for k in range(j):
-                both = self._squared(moved[:, :, j] + moved[:, :, k])
-                found[:, j, :, k] = (both - own - found[:, k, :, k]) / 2
-                found[:, k, :, j] = found[:, j, :, k]
+        for j, k in pairs:
+            here = of[j, j] if k == j else (of[j, k] - of[j, j] - of[k, k]) / 2
+            found[:, j, :, k] = found[:, k, :, j] = here
         return found.reshape(self.width, self.width)
 
     def _squared(self, moved: Array) -> Array:
@@ -220,16 +226,20 @@ class Product(Columns):
 
     def _products(self, other: Product) -> Array:
         """X' Z by pairs of joints; symmetric in the pair if both use the same `moved`."""
-        pairs = self.moved.swapaxes(1, 2) @ other.moved
-        m, others = pairs.shape[1:]
-        found = np.empty((self.functions.shape[1], m, other.functions.shape[1], others))
+        weight = self.moved.swapaxes(1, 2) @ other.moved
+        m, others = weight.shape[1:]
         alike = self.moved is other.moved
-        for j in range(m):
-            for k in range(j if alike else 0, others):
-                weighed = pairs[:, j, k, None] * other.functions
-                found[:, j, :, k] = self.functions.T @ weighed
-                if alike and k > j:
-                    found[:, k, :, j] = found[:, j, :, k]
+        pairs = [(j, k) for j in range(m) for k in range(j if alike else 0, others)]
+
+        def product(pair: tuple[int, int]) -> Array:
+            j, k = pair
+            return np.asarray(self.functions.T @ (weight[:, j, k, None] * other.functions))
+
+        found = np.empty((self.functions.shape[1], m, other.functions.shape[1], others))
+        for (j, k), here in zip(pairs, mapped(product, pairs), strict=True):
+            found[:, j, :, k] = here
+            if alike and k > j:
+                found[:, k, :, j] = here
         return found.reshape(self.width, other.width)
 
 

@@ -301,14 +301,23 @@ def _holding(
         if not weak:
             found = replace(found, model=found.model.rested())
             held = HeldOutModels(found.model)
-            said = {m: of_term(found, m, held, rng) for m in found.model.terms}
-            good = {m: finding for m, finding in said.items() if finding is not None}
-            weak = tuple(m for m in said if m not in good)
+            said: dict[Candidate, Finding] = {}
+            for m in _by_signal(found.model, found.model.terms):  # the first to fail ends it
+                finding = of_term(found, m, held, rng)
+                if finding is None:
+                    weak = (m,)
+                    break
+                said[m] = finding
             if not weak:
-                return found, held, good
-        weakest = min(weak, key=lambda m: signal_of(found.model, m))
+                return found, held, {m: said[m] for m in found.model.terms}
+        weakest = _by_signal(found.model, weak)[0]
         kept = tuple(m for m in found.model.terms if m is not weakest)
         found = replace(found, model=found.model.fitted(kept) if kept else start)
+
+
+def _by_signal(model: Fitted, terms: Sequence[Candidate]) -> list[Candidate]:
+    """Terms of a model by the strength of their signals, weakest first."""
+    return sorted(terms, key=lambda m: signal_of(model, m)) if len(terms) > 1 else list(terms)
 
 
 def _of_what_is_fitted(

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from delta_calibration.diagnosis.scores import PRECISION, log_bayes_of_each
 from delta_calibration.effects.base import Stage
 from delta_calibration.effects.found_law import FoundLaw, Taken, function_of
 from delta_calibration.effects.signals import Signals
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 
@@ -84,13 +85,20 @@ class Screen:
         """The case of each law alone; laws of one shape share columns if they are adjacent."""
         pairs = [tuple(self.pairs(law)) for law in laws]
         known: dict[int, _Products] = {}
-        for sets in _batches(laws, pairs):
-            every = [list(dict.fromkeys(pair for i in own for pair in pairs[i])) for own in sets]
-            found = self._products(every)
-            for at, (own, columns) in enumerate(zip(sets, every, strict=True)):
-                place = {column: row for row, column in enumerate(columns)}
-                known.update((i, found.of(at, [place[p] for p in pairs[i]])) for i in own)
+        for found in mapped(partial(self._of_sets, pairs), _batches(laws, pairs)):
+            known.update(found)
         return self._each(known)
+
+    def _of_sets(
+        self, pairs: Sequence[Sequence[Column]], sets: Sequence[Sequence[int]]
+    ) -> dict[int, _Products]:
+        """Products of each law of some sets, by its number; the laws of a set share columns."""
+        every = [list(dict.fromkeys(pair for i in own for pair in pairs[i])) for own in sets]
+        found, known = self._products(every), dict[int, _Products]()
+        for at, (own, columns) in enumerate(zip(sets, every, strict=True)):
+            place = {column: row for row, column in enumerate(columns)}
+            known.update((i, found.of(at, [place[p] for p in pairs[i]])) for i in own)
+        return known
 
     def case(self, laws: Sequence[FoundLaw]) -> Case:
         """The case of several laws together."""

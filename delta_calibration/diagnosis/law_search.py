@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, cast
 
@@ -51,6 +52,7 @@ from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.found_law import FoundLaw
 from delta_calibration.effects.signals import Signals
 from delta_calibration.robot import Robot
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 
@@ -175,9 +177,9 @@ def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
     for guess in sorted(guesses, key=lambda one: -one.log_p):
         best.setdefault(_family(guess.parts[0]), guess)
     chosen = list(best.values())
-    finer = [_sharper(screen, guess) for guess in chosen[:_FINER]]
+    finer = mapped(partial(_sharper, screen), chosen[:_FINER])
     finer.sort(key=lambda one: -one.log_p)
-    apart = [_apart(screen, guess, priors) for guess in finer[:_APART]]
+    apart = mapped(lambda guess: _apart(screen, guess, priors), finer[:_APART])
     return sorted((*finer, *(a for a in apart if a), *chosen[_FINER:]), key=lambda g: -g.log_p)
 
 
@@ -276,8 +278,8 @@ def _spread(start: Array) -> Array:
 def _best_map(evidence: LinearizedModel, effect: Effect, rng: np.random.Generator) -> float:
     """ln B of the smooth map that explains the residuals best."""
     weighed = Weighed.of(evidence, np.inf, _DRAWS, rng)
-    scores = [s for some in maps(evidence, effect) for s in weighed.explore([some])]
-    return max(score.log_bayes for score in scores)
+    scores = mapped(lambda some: weighed.explore([some]), maps(evidence, effect))
+    return max(score.log_bayes for some in scores for score in some)
 
 
 def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:

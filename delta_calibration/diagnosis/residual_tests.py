@@ -32,6 +32,7 @@ from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
 from delta_calibration.diagnosis.tails import moments, pearson3
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -118,14 +119,13 @@ def _drawn(
     """Chi square and Moran's I of simulated noise, (2, draws) for each neighbourhood."""
     drawn = evidence.draw(_DRAWS, rng)
     some = [slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME)]
-    for own in some:  # all of them are a hundred megabytes: in place
-        drawn[:, own] = evidence.weigh(drawn[:, own])
-    drawn = drawn.reshape(*evidence.residual.shape, _DRAWS)
-    found = []
-    for one in asked:
-        parts = [_square_and_likeness(drawn[one.rows, :, own], one.near) for own in some]
-        found.append(np.concatenate(parts, axis=1))
-    return found
+
+    def tested(own: slice) -> list[Array]:
+        left = evidence.weigh(drawn[:, own]).reshape(*evidence.residual.shape, -1)
+        return [_square_and_likeness(left[one.rows], one.near) for one in asked]
+
+    parts = mapped(tested, some)  # all of them at once would be a hundred megabytes
+    return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
 
 
 def _square_and_likeness(chance: Array, near: Near) -> Array:

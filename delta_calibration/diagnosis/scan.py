@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +13,8 @@ from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score, Weighed, Weights
 from delta_calibration.effects import Effect
+from delta_calibration.threads import mapped
 
-THREADS = min(4, os.cpu_count() or 1)
 _DRAWS = 64
 
 
@@ -101,8 +99,7 @@ def reshaped(
 
 def _explored(weighed: Weighed, questions: list[list[list[Candidate]]]) -> list[Score]:
     questions.sort(key=len, reverse=True)  # long searches first, so that no thread waits
-    with ThreadPoolExecutor(THREADS) as pool:
-        scores = [score for some in pool.map(weighed.explore, questions) for score in some]
+    scores = [score for some in mapped(weighed.explore, questions) for score in some]
     return sorted(scores, key=lambda score: -score.log_bayes)
 
 

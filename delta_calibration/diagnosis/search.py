@@ -8,7 +8,6 @@ can show what another hides: a pair at the start, a cause in the place of anothe
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from itertools import combinations
 from threading import Lock
@@ -40,10 +39,11 @@ from delta_calibration.diagnosis.model_selection import (
     worth_of,
 )
 from delta_calibration.diagnosis.rivals import in_its_place
-from delta_calibration.diagnosis.scan import THREADS, Scan, reshaped, scanned
+from delta_calibration.diagnosis.scan import Scan, reshaped, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
 from delta_calibration.diagnosis.set_aside import Aside
 from delta_calibration.effects import Effect
+from delta_calibration.threads import mapped
 
 
 @dataclass(frozen=True)
@@ -85,8 +85,7 @@ class _Fits:
         keys = [tuple(term.shape for term in terms) for terms in sets]
         every = zip(keys, sets, strict=True)
         new = {key: terms for key, terms in every if key not in self.known}
-        with ThreadPoolExecutor(THREADS) as pool:
-            self.known.update(zip(new, pool.map(self._fitted, new.values()), strict=True))
+        self.known.update(zip(new, mapped(self._fitted, new.values()), strict=True))
         return [self.known[key] for key in keys]
 
     def cost(self, fit: Fitted) -> float:
