@@ -7,9 +7,8 @@ is the share that it removes of the avoidable error: the error before, less the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +17,8 @@ from delta_calibration.diagnosis.columns import Columns
 from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, change, most_likely
-from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
-_Result = TypeVar("_Result")
 
 _CELL = 0.05  # [m] edge of the cells of `scattered`
 _FLAT = 0.05  # share of its width below which a workspace, seen from above, is an upright plane
@@ -110,8 +107,8 @@ def learnable(
     whole = np.diag(evidence.information_of(columns))
     if len(np.unique(part)) < 2:
         return np.asarray(~(whole > 0))
-    every = _without_each(evidence, columns, part, lambda others, own, known: known)
-    return np.asarray(np.all([_enough(known, whole) for known in every], axis=0))
+    every = _without_each(evidence, columns, part)
+    return np.asarray(np.all([_enough(known, whole) for _, _, known in every], axis=0))
 
 
 def _enough(known: Array, whole: Array) -> NDArray[np.bool_]:
@@ -130,12 +127,10 @@ def held_out(
     """
     square, misfit = np.full(len(evidence), np.nan), evidence.misfit
     whole = evidence if whole is None else whole
-    every = [np.flatnonzero(part == number) for number in np.unique(part)]
-    if len(every) > 1:
-        predicted = mapped(
-            lambda rows: whole.take(rows).missed(evidence.but(rows).best(misfit)), every
-        )
-        for rows, missed in zip(every, predicted, strict=True):
+    for number in np.unique(part):
+        rows = np.flatnonzero(part == number)
+        if len(rows) < len(evidence):
+            missed = whole.take(rows).missed(evidence.but(rows).best(misfit))
             square[rows] = np.sum(missed**2, axis=1)
     return HeldOut(square, part)
 
@@ -166,16 +161,13 @@ def foretold(
     """
     information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
-
-    def of_part(others: LinearizedModel, own: Columns, known: Array) -> float:
+    total = 0.0
+    for others, own, known in _without_each(evidence, columns, part):
         along = _along(others, own)
         prior = np.where(_enough(known, np.diag(information)), PRECISION, precision)
         v = most_likely(known, along, *bounds, prior)
-        return change(information, b, v) - change(known, along, v)
-
-    total, whole = 0.0, change(information, b, value)
-    for own in _without_each(evidence, columns, part, of_part):
-        total += own
+        total += change(information, b, v) - change(known, along, v)
+    whole = change(information, b, value)
     return total / whole if whole > 0.0 else 0.0
 
 
@@ -184,27 +176,21 @@ def _along(evidence: LinearizedModel, columns: Columns) -> Array:
 
 
 def _without_each(
-    evidence: LinearizedModel,
-    columns: Columns,
-    part: NDArray[np.int64],
-    use: Callable[[LinearizedModel, Columns, Array], _Result],
-) -> list[_Result]:
-    """Use, without each part in turn, the evidence, its columns and their information (k, k).
+    evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]
+) -> Iterator[tuple[LinearizedModel, Columns, Array]]:
+    """Yield, without each part in turn, the evidence, its columns and their information (k, k).
 
     The products of a part are subtracted from those of all samples, which are computed once.
     """
     inner, across = columns.inner(), evidence.possible.across(columns)
-
-    def without(number: int) -> _Result:
+    for number in np.unique(part):
         rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
-        held, known = (columns.part(own, evidence.coordinates) for own in (rows, others))
-        beside = evidence.possible.part(rows, evidence.coordinates)
-        left, shown = evidence.but(rows), across - beside.across(held)
-        seen = left.rest.seen_of(known)
-        return use(left, known, left.left_of(inner - held.inner(), shown, seen))
-
-    numbers = np.unique(part)
-    return mapped(without, numbers) if len(numbers) > 1 else []
+        if others.size:
+            held, known = (columns.part(own, evidence.coordinates) for own in (rows, others))
+            beside = evidence.possible.part(rows, evidence.coordinates)
+            left, shown = evidence.but(rows), across - beside.across(held)
+            seen = left.rest.seen_of(known)
+            yield left, known, left.left_of(inner - held.inner(), shown, seen)
 
 
 def gain(

@@ -29,7 +29,6 @@ from delta_calibration.diagnosis.scores import (
     most_likely,
     tries_of,
 )
-from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -96,17 +95,13 @@ class JointFit:
         information, b = np.zeros((begin[-1], begin[-1])), np.zeros(begin[-1])
         information[first, first] = always.inner() - taken.T @ taken
         b[first] = always.along(weighed)[:, 0]
-
-        def products(score: Score) -> tuple[Array, Array, Array]:
+        for score, span in zip(others, own[len(kept) :], strict=True):
             columns = products_of(score.candidate, evidence)
             of_own = evidence.taken_of(columns)
-            inner = columns.inner() - of_own.T @ of_own
-            return inner, always.across(columns) - taken.T @ of_own, columns.along(weighed)
-
-        for span, found in zip(own[len(kept) :], mapped(products, others), strict=True):
-            information[span, span], information[first, span] = found[:2]
+            information[span, span] = columns.inner() - of_own.T @ of_own
+            information[first, span] = always.across(columns) - taken.T @ of_own
             information[span, first] = information[first, span].T
-            b[span] = found[2][:, 0]
+            b[span] = columns.along(weighed)[:, 0]
         return cls._with(scores, information, b)
 
     @classmethod

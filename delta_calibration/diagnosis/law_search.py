@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 from typing import Any, cast
 
@@ -177,9 +176,9 @@ def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
     for guess in sorted(guesses, key=lambda one: -one.log_p):
         best.setdefault(_family(guess.parts[0]), guess)
     chosen = list(best.values())
-    finer = mapped(partial(_sharper, screen), chosen[:_FINER])
+    finer = [_sharper(screen, guess) for guess in chosen[:_FINER]]
     finer.sort(key=lambda one: -one.log_p)
-    apart = mapped(lambda guess: _apart(screen, guess, priors), finer[:_APART])
+    apart = [_apart(screen, guess, priors) for guess in finer[:_APART]]
     return sorted((*finer, *(a for a in apart if a), *chosen[_FINER:]), key=lambda g: -g.log_p)
 
 

@@ -29,7 +29,6 @@ from delta_calibration.diagnosis.fitted import Fitted, beside, in_best_shape
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import Score
-from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 
@@ -81,17 +80,15 @@ def in_its_place(
         below: share of the signal from which a cause keeps its shape.
     """
     weighed = evidence.weigh(signal[:, None])[:, 0]
-    length = float(signal @ weighed)
-
-    def placed(score: Score) -> tuple[float, Score]:
+    length, found = float(signal @ weighed), []
+    for score in others:
         share = 0.0
         if length > 0 and not score.candidate.unexplained:
             share = _reached_by(score.candidate, evidence, weighed) / length
         if KINDRED < share < below:
             score = replace(score, candidate=in_best_shape(evidence, score.candidate))
-        return share, score
-
-    return mapped(placed, others)
+        found.append((share, score))
+    return found
 
 
 def named(signal: float) -> float:
@@ -106,9 +103,10 @@ def equivalents(
     weighed = evidence.weigh(signal[:, None])[:, 0]
     length = float(signal @ weighed)
     near: dict[str, tuple[float, Candidate]] = {}
-    named = [score.candidate for score in others if not score.candidate.unexplained]
-    shares = mapped(lambda one: _reached_by(one, evidence, weighed) / length, named)
-    for candidate, share in zip(named, shares, strict=True):
+    for candidate in (score.candidate for score in others):
+        if candidate.unexplained:
+            continue
+        share = _reached_by(candidate, evidence, weighed) / length
         if share < SAME**2 or (1 - share) * length > SEPARATED * misfit:
             continue
         if share > near.get(candidate.cause, (0.0, candidate))[0]:
