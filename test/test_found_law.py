@@ -38,6 +38,7 @@ from delta_calibration.report.verdict_file import verdict_of
 from delta_calibration.robot import load_robot
 from study.judge import judge
 from study.trials import Task
+from trial_bench import trial
 
 ROBOT = load_robot("srbd")
 MECHANISM = ROBOT.model()
@@ -205,6 +206,14 @@ def test_a_cause_is_named_only_where_it_is_likelier_than_a_law(monkeypatch, doub
     assert verdict.unknown_structure.found == (doubt > 0.5)
     assert [f.confidence <= 1 - doubt for f in named] == [True] * (doubt < 0.5)
     assert verdict.extended.held_out_rms_mm < 0.8 * verdict.calibrated.held_out_rms_mm
+
+
+@pytest.mark.slow
+def test_two_causes_are_not_named_that_together_do_no_more_than_one_law() -> None:
+    """A base that grows is no growth of the rods beside a drift: a law has 1.6 % more ln B."""
+    said = trial(100730, ("thermal_growth_base", 3340.12), without="thermal_growth_base")
+    assert said["unknown"]
+    assert not said["findings"]
 
 
 @pytest.mark.slow

@@ -129,8 +129,9 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     """Probability that a single law, and not the named causes, produced the readings.
 
     Several causes together can imitate one law of another form; the law then explains as much at
-    a lower price. A law that explains only slightly more raises no doubt: effects of the
-    catalogue are models, and machines differ from them by a few per cent.
+    a lower price. A law that explains only slightly more than a single one of the causes raises no
+    doubt: effects of the catalogue are models, and machines differ from them by a few per cent. A
+    law in the form of one cause does not explain what the others do as well.
 
     Args:
         evidence: the residuals without the causes.
@@ -142,7 +143,8 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())
     guesses = _finer(Screen(evidence, signals), laws)
-    least = (1 + MODELLED) * worth(evidence, named)
+    modelled = (1 + MODELLED) * max(worth(evidence, [term]) for term in named)
+    least = max(worth(evidence, named), modelled)
     return float(expit((guesses[0].log_p - least) / TEMPER))
 
 
