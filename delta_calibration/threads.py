@@ -47,7 +47,8 @@ def one_thread() -> Iterator[None]:
 def mapped(function: Callable[[_Item], _Result], items: Iterable[_Item]) -> list[_Result]:
     """Results of a function for each item, in their order, computed on several threads.
 
-    Within such a thread they are computed one after the other. Items that take long come first.
+    What such a thread calls is not divided again. With items that take long at the beginning of
+    the list no thread waits for another at its end.
     """
     every = list(items)
     if len(every) < 2 or _THREADS < 2 or getattr(_own, "busy", False):

@@ -124,7 +124,7 @@ def _drawn(
         left = evidence.weigh(drawn[:, own]).reshape(*evidence.residual.shape, -1)
         return [_square_and_likeness(left[one.rows], one.near) for one in asked]
 
-    parts = mapped(tested, some)  # all of them at once would be a hundred megabytes
+    parts = mapped(tested, some)  # in blocks: all draws are a hundred megabytes
     return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
 
 
