@@ -182,7 +182,7 @@ class Chain:
         return self.mechanism.body(masses)
 
     def compiled(self, places: Places) -> tuple[Any, Any]:
-        """Compile the effects, once for each layout of signals; nothing writes into the result.
+        """Compile the effects once for each layout of signals; the result must not be changed.
 
         Args:
             places: layout of the signals that the effects take.

@@ -1,4 +1,4 @@
-"""Threads: independent work on one for each core, linear algebra on one alone.
+"""Threads: independent work is divided among the cores; linear algebra uses one thread.
 
 A fit multiplies matrices of some hundred rows thousands of times. Handed to two threads, a
 product that takes 0.2 ms takes 5 ms as soon as something else wants a core. Work is therefore

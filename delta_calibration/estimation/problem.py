@@ -50,7 +50,6 @@ _GROSS = 3.0  # times the Huber distance, beyond which a pose is a gross error a
 _TOLD = 10.0  # prior over posterior standard deviation from which the offset has one minimum
 _UNTOLD = 1e-4  # share of the prior's variance below which a decrease tells nothing of the offset
 _ROUNDS = 12  # most rounds in which the loss is adapted to the residuals
-_AT_A_TIME = 4096  # samples whose weighted rows are in memory together
 _SHRUNK = 0.9  # ratio of successive bends of the loss, above which they have converged
 MOUNT_NAMES = vector_names("probe_turn")
 
@@ -316,33 +315,10 @@ def solve(
         DataError: the start, or the fit, has poses that the model cannot reach.
     """
     begin = Near(np.zeros(int(problem.free.sum()))) if start is None else start
-    first = _state(problem, begin.z, _Loss(), None, at=begin.at)
+    now = first = _state(problem, begin.z, _Loss(), None, at=begin.at)
     if not robust:
-        return _solution(problem, _search(problem, _Loss(), first, settled))
-    loss, starts, made = _starts(problem, first, settled, start is None or everywhere)
-    del first  # its rows are as large as the session
-    best = None
-    while starts:
-        end = _search(problem, loss, starts.pop(0), settled)
-        made += end.evaluations
-        if best is None or end.cost < best.cost:
-            best = end
-    assert best is not None
-    return _solution(problem, replace(best, evaluations=made))
-
-
-def _starts(
-    problem: Problem, first: _State, settled: float, everywhere: bool
-) -> tuple[_Loss, list[_State], int]:
-    """The loss to search under, where to start, and how many evaluations that took.
-
-    Args:
-        problem: to solve.
-        first: start of the whole search.
-        settled: least decrease of the cost that a further step is taken for.
-        everywhere: whether to look for other local minima if there is no gross error.
-    """
-    now, bend, made = first, _bend(first.at.residual, first.at.numbers), 1
+        return _solution(problem, _search(problem, _Loss(), now, settled))
+    bend, made = _bend(now.at.residual, now.at.numbers), 1
     for _ in range(_ROUNDS):
         now = _search(problem, _Loss(bend), now, max(settled, _ROUGHLY))
         made += now.evaluations
@@ -350,15 +326,21 @@ def _starts(
         if bend > _SHRUNK * last:
             break
     if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
+        loss, starts = _Loss(bend), [now]
         # the rounds may have led to the wrong local minimum
-        if not (everywhere and _may_be_elsewhere(problem, now)):
-            return _Loss(bend), [now], made
-        place = _likeliest_place(problem, _Loss(bend), now, settled)
-        return _Loss(bend), [now, first, place], made + place.evaluations
-    # gross errors may have done so, too
-    drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
-    drawing = _search(problem, _Loss(bend), drawing, settled)
-    return _Loss(bend, _GROSS * bend), [now, drawing], made + drawing.evaluations
+        if (start is None or everywhere) and _may_be_elsewhere(problem, now):
+            place = _likeliest_place(problem, loss, now, settled)
+            made += place.evaluations
+            starts += [first, place]
+    else:  # gross errors may have done so, too
+        drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
+        drawing = _search(problem, _Loss(bend), drawing, settled)
+        made += drawing.evaluations
+        loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
+    ends = [_search(problem, loss, begin, settled) for begin in starts]
+    made += sum(end.evaluations for end in ends)
+    best = min(ends, key=lambda end: end.cost)
+    return _solution(problem, replace(best, evaluations=made))
 
 
 def offset_is_doubtful(solution: Solution) -> bool:
@@ -521,20 +503,12 @@ class _State:
     @cached_property
     def equations(self) -> tuple[Array, Array]:
         """Normal matrix (F, F) and gradient (F,), see normal_equations.py."""
-        (count, d), free = self.at.residual.shape, len(self.z)
-        normal, gradient = np.zeros((free, free)), np.zeros(free)
-        for begin in range(0, count, _AT_A_TIME):  # weighted rows are a copy as large as all
-            own = slice(begin, begin + _AT_A_TIME)
-            error, rows = _equations().weighted(
-                self.at.residual[own],
-                self.at.rows[begin * d : (begin + _AT_A_TIME) * d],
-                self.weight[own],
-                self.spread,
-            )
-            normal += rows.T @ rows
-            gradient += rows.T @ error
-        normal.flat[:: free + 1] += self.expected
-        return normal, gradient - self.expected * self.z
+        error, rows = _equations().weighted(
+            self.at.residual, self.at.rows, self.weight, self.spread
+        )
+        normal = rows.T @ rows
+        normal.flat[:: len(normal) + 1] += self.expected
+        return normal, rows.T @ error - self.expected * self.z
 
 
 def _state(
