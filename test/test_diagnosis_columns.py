@@ -19,7 +19,7 @@ from delta_calibration.diagnosis.candidates import (
     products_of,
     subsets,
 )
-from delta_calibration.diagnosis.columns import Plain, Product, joined
+from delta_calibration.diagnosis.columns import Plain, Product, Sparse, joined
 from delta_calibration.diagnosis.geometry import without_geometry
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -50,6 +50,11 @@ def kinds_fixture() -> list[tuple[object, np.ndarray]]:
     odd = Product(other, rng.standard_normal((N, 3)))
     plain = Plain(rng.standard_normal((D * N, 6)))
     own = [(each, multiplied(each)) for each in (one, two, odd)] + [(plain, plain.values)]
+    for where, joint in ((moved, [2, 0, 3, 0, 3]), (other, [1, 2, 1])):  # some joints without
+        functions = rng.standard_normal((len(joint), N)) * (rng.random((len(joint), N)) < 0.3)
+        curves = Sparse.of(where, functions, np.array(joint))
+        out = where[:, :, joint] * functions.T[:, None]
+        own.append((curves, out.reshape(D * N, -1)))
     every = joined([each for each, _ in own]), np.concatenate([out for _, out in own], axis=1)
     return [*own, every]
 
@@ -153,6 +158,17 @@ def test_maps_and_names_together_have_the_information_of_their_columns(name: str
     size = np.sqrt(np.outer(np.diag(whole), np.diag(whole)))
     found, expected = evidence.information_of(kept), evidence.information(every)
     assert np.abs((found - expected) / size).max() < 1e-10
+
+
+def test_an_error_curve_is_there_as_its_columns_would_be() -> None:
+    evidence = evidence_of("scara")
+    effects = catalogue(load_robot("scara"), evidence.chain.mechanism)
+    curve = next(e for e in effects if e.cause == "joint_error_curve")
+    for shape in curve.shapes(evidence.at):
+        for candidate in subsets(shape):
+            kept, out = products_of(candidate, evidence), columns_of(candidate, evidence)
+            assert isinstance(kept, Sparse)
+            np.testing.assert_allclose(kept.dense, out, atol=1e-12)
 
 
 def test_all_but_some_samples_are_those_that_remain() -> None:

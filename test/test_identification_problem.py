@@ -10,7 +10,9 @@ import pytest
 from delta_calibration.data import at_rest
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import chain_of
+from delta_calibration.estimation import problem as module
 from delta_calibration.estimation.fit import prepare
+from delta_calibration.estimation.normal_equations import products
 from delta_calibration.estimation.problem import Near, _Loss, solve
 from identification_bench import ROBOT, errors, found, rms
 from six_rods import Cell, SixRods, workspace
@@ -93,6 +95,35 @@ def test_a_start_that_is_linearized_already_leads_to_the_same(problem):
     known, sought = solve(part, whole.near(some)), solve(part, Near(whole.z))
     np.testing.assert_allclose(known.z, sought.z, atol=1e-6)
     assert known.cost == pytest.approx(sought.cost, abs=1e-6)
+
+
+def test_a_jacobian_that_is_computed_again_leads_to_the_same(problem, monkeypatch):
+    """Too many numbers to keep: blocks of 32 samples, for the fit and for its held-out parts."""
+    one, some = solve(problem), np.arange(1, len(problem.at), 3)
+    part = solve(problem.take(some), one.near(some))
+    monkeypatch.setattr(module, "_KEPT", 0)
+    monkeypatch.setattr(module, "_BLOCK", 32)
+    other, begin = solve(replace(problem)), one.at.rows
+    assert isinstance(other.at.jacobian, module.Recomputed)
+    assert len(list(other.at.jacobian.blocks())) == 3
+    np.testing.assert_allclose(other.at.rows, begin, atol=1e-4 * np.abs(begin).max())
+    np.testing.assert_allclose(other.z, one.z, atol=1e-6)
+    assert other.cost == pytest.approx(one.cost, abs=1e-6)
+    again = solve(problem.take(some), other.near(some))
+    np.testing.assert_allclose(again.z, part.z, atol=1e-6)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_products_of_mostly_empty_rows_are_those_of_all(share):
+    """Of 150 unknowns, with weights."""
+    rng = np.random.default_rng(6)
+    shape = 40, 3, 150
+    rows = rng.standard_normal(shape) * (rng.random((40, 1, 150)) < share)
+    residual, weight = rng.standard_normal(shape[:2]), rng.random(40)
+    inner, along = products(residual, rows.reshape(-1, 150), weight, 0.7)
+    heavy = rows * weight[:, None, None] / 0.49
+    np.testing.assert_allclose(inner, np.einsum("ndk,ndl->kl", heavy, rows), atol=1e-12)
+    np.testing.assert_allclose(along, np.einsum("ndk,nd->k", heavy, residual), atol=1e-12)
 
 
 def test_fixed_parameters_stay(problem):

@@ -124,6 +124,10 @@ def test_a_base_on_soft_feet_turns_the_probe():
     seen = PoseMeasured(at.joint, np.zeros((5, 3)), None, 1e-5, chain.rotation(at, still, x), 1e-5)
     about = seen.linearized(chain.predictor(at), theta, x)
     np.testing.assert_allclose(about.missed[:, 3:], -turn, atol=1e-3 * np.abs(turn).max())
+    np.testing.assert_array_equal(
+        np.concatenate(seen.left(chain.predictor(at), theta, x), axis=1),
+        np.concatenate([about.pose, about.missed], axis=1),
+    )
     slope = about.by_theta[:, 3:, layout.effects][..., 0]
     np.testing.assert_allclose(give * slope, turn, atol=1e-3 * np.abs(turn).max())
 

@@ -113,7 +113,7 @@ def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:
 
 
 def all_columns(candidates: Sequence[Candidate], evidence: LinearizedModel) -> Columns:
-    """Concatenated whitened columns of some candidates, those of maps as products, (d n, k)."""
+    """Concatenated whitened columns of some candidates, (d n, k); see `products_of`."""
     return joined([products_of(candidate, evidence) for candidate in candidates])
 
 
@@ -123,12 +123,18 @@ def moved_by(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> 
 
 
 def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
-    """Whitened columns of the candidate's free parameters, (d n, k); of a map as products."""
+    """Whitened columns of the candidate's free parameters, (d n, k).
+
+    Those of maps and curves, which have hundreds, are products.
+    """
     effect = candidate.effect
-    whole = effect is not None and len(candidate.rows) == len(effect.parameters)
-    if effect is not None and effect.by_functions and whole:
-        return evidence.product(effect)
-    return Plain(columns_of(candidate, evidence))
+    columns: Columns | None = None
+    if effect is not None and effect.by_functions:
+        whole = len(candidate.rows) == len(effect.parameters)
+        columns = evidence.product(effect) if whole else None
+    elif effect is not None and effect.free_form:
+        columns = evidence.sparse(effect, candidate.rows)
+    return Plain(columns_of(candidate, evidence)) if columns is None else columns
 
 
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:

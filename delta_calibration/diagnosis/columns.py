@@ -9,7 +9,8 @@ The inner products of its columns need only sums over the samples,
     x_fj' y = sum phi_f (m_j . y)        x_fj' x_gk = sum phi_f phi_g (m_j . m_k)
 
 and X v needs m only once for all functions. The columns themselves would be hundreds, each as
-long as the session.
+long as the session. In an error curve each function moves one joint only and is zero at most
+samples: its columns are kept as a sparse matrix.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array, diags_array
 
 from delta_calibration.threads import mapped
 
@@ -241,6 +243,78 @@ class Product(Columns):
             if alike and k > j:
                 found[:, k, :, j] = here
         return found.reshape(self.width, other.width)
+
+
+@dataclass(frozen=True)
+class Sparse(Columns):
+    """Columns that are zero at most samples."""
+
+    values: csr_array  # (d n, k)
+
+    @classmethod
+    def of(cls, moved: Array, functions: Array, moves: Index) -> Sparse:
+        """Columns m_j f of functions f (k, n); j is `moves` (k,), and m_j of `moved` (n, d, m)."""
+        column, sample = np.nonzero(functions)
+        n, d, _ = moved.shape
+        values = moved[sample, :, moves[column]] * functions[column, sample][:, None]
+        row = d * sample[:, None] + np.arange(d)
+        place = row.ravel(), np.repeat(column, d)
+        return cls(csr_array((values.ravel(), place), shape=(n * d, len(functions))))
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return int(self.values.shape[1])
+
+    def along(self, y: Array) -> Array:
+        """X' y, (k, j)."""
+        return np.asarray(self.values.T @ y)
+
+    def inner(self) -> Array:
+        """X' X, (k, k)."""
+        return np.asarray((self.values.T @ self.values).toarray())
+
+    def across(self, other: Columns) -> Array:
+        """X' Z, (k, l)."""
+        if isinstance(other, Sparse):
+            return np.asarray((self.values.T @ other.values).toarray())
+        if isinstance(other, Product):
+            met = [self._through(m).T @ other.functions for m in np.moveaxis(other.moved, 2, 0)]
+            return np.stack(met, axis=-1).reshape(self.width, other.width)
+        return np.asarray(other.across(self).T)
+
+    def times(self, values: Array) -> Array:
+        """X v, (d n, j)."""
+        return np.asarray(self.values @ values)
+
+    def squares(self, d: int) -> Array:
+        """Squared length of each sample over all columns, (n,)."""
+        squares = np.asarray(self.values.power(2).sum(axis=1))
+        return np.asarray(squares.reshape(-1, d).sum(axis=1))
+
+    def through(self, m: Array) -> Array:
+        """Products m . x of each sample, (n, k)."""
+        return np.asarray(self._through(m).toarray())
+
+    def met(self, m: Array, functions: Array) -> Array:
+        """Products (f m)' X, (j, k)."""
+        return np.asarray((self._through(m).T @ functions.T).T)
+
+    def part(self, samples: Samples, d: int) -> Sparse:
+        """The columns at some of the samples."""
+        every = np.arange(self.values.shape[0]).reshape(-1, d)
+        return Sparse(self.values[every[samples].ravel()])
+
+    def weighed(self, root: Array) -> Sparse:
+        """The columns multiplied by the root of each sample's weight."""
+        each = np.repeat(root.ravel(), self.values.shape[0] // len(root))
+        return Sparse(csr_array(diags_array(each) @ self.values))
+
+    def _through(self, m: Array) -> csr_array:
+        """Products m . x of each sample, (n, k), sparse."""
+        n, d = m.shape
+        along = csr_array((m.ravel(), np.arange(n * d), np.arange(0, n * d + 1, d)))
+        return csr_array(along @ self.values)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ out. P holds the precisions of the priors of z.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, reduce
 
@@ -27,11 +28,12 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions, Paths, Survey
 from delta_calibration.data import joined as all_of
-from delta_calibration.diagnosis.columns import Columns, Plain, Product, joined
+from delta_calibration.diagnosis.columns import Columns, Plain, Product, Sparse, joined
 from delta_calibration.diagnosis.constants import CHI3_MEDIAN, EXCEPTION, SPIKE
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.apart import Apart, functions_of
 from delta_calibration.effects.signals import Signals, all_asked, recorded, standing
 from delta_calibration.estimation import (
     Known,
@@ -304,6 +306,18 @@ class LinearizedModel:
         """The columns of an effect that moves its whole stage by functions, as products."""
         functions = effect.functions(self.signals(effect))
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
+
+    def sparse(self, effect: Effect, values: Sequence[int]) -> Sparse | None:
+        """Columns of values of an effect that are zero at most samples.
+
+        None if a value moves several numbers of its stage.
+        """
+        signals = self.signals(effect)
+        own = Apart.of(effect, values, signals.places)
+        if own is None:
+            return None
+        functions = functions_of([own], signals, np.arange(len(values))[None])
+        return Sparse.of(self.by_stage(effect.stage), functions, np.array(own.moves))
 
     def by_stage(self, stage: Stage) -> Array:
         """Whitened d(reading) / d(output of a stage), (n, d, size of the stage)."""

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.chain import Chain, Predictor, read_at
+from delta_calibration.chain import Asked, Chain, Predictor, read_at
 from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Stage
 from delta_calibration.errors import InputError
@@ -105,6 +105,11 @@ class Observation(ABC):
             theta: (P,) of the chain, with a probe's mount if the fit has one.
             guess: approximate poses of the platform, (n, k).
         """
+
+    def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
+        """Poses (n, k) and residuals (n, d) of `linearized`, without the derivatives."""
+        linear = self.linearized(at, theta, guess)
+        return linear.pose, linear.missed
 
     def joints(self) -> tuple[Array, ...]:
         """All sets of joints of the measurements, each (n, m)."""
@@ -203,6 +208,11 @@ class PointMeasured(Observation):
         missed, stood = self.point - seen.reading, (seen.joint, geometry)
         return Linear(seen.x, missed, by_theta, seen.by_joints, read, stood)
 
+    def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
+        """Poses (n, k) and residuals (n, 3) [m]."""
+        seen = point_seen(at, theta, self.offset, None, guess, read=True, asked="nothing")
+        return seen.x, self.point - seen.reading
+
 
 @dataclass(frozen=True)
 class PoseMeasured(PointMeasured):
@@ -253,6 +263,10 @@ class PoseMeasured(PointMeasured):
             by_theta=np.concatenate([point.by_theta, slope], axis=1),
             by_joints=np.concatenate([point.by_joints, by_pose @ turned.by_joints], axis=1),
         )
+
+    def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
+        """Poses (n, k) and residuals (n, 6) [m, rad]."""
+        return Observation.left(self, at, theta, guess)
 
 
 @dataclass(frozen=True)
@@ -387,6 +401,7 @@ def point_seen(
     place: Frame | None,
     guess: Array | None = None,
     read: bool = False,
+    asked: Asked = "readings",
 ) -> Seen:
     """Predict a point fixed to the platform, in the frame of a device.
 
@@ -397,6 +412,7 @@ def point_seen(
         place: `T_device_base`; that of theta if not given.
         guess: approximate poses of the platform, (n, k).
         read: whether a tracker reads it, so that effects of base and measurement act on it.
+        asked: whose derivatives are computed, see `Predictor.see`.
 
     Returns:
         The prediction; derivatives by `offset` and `place` are zero if these are given.
@@ -412,7 +428,7 @@ def point_seen(
     if given:
         for part, values in given:
             machine[part] = values
-    seen = at.see(machine, guess)
+    seen = at.see(machine, guess, asked)
     for part, _ in given:
         seen.jacobian[..., part] = 0.0
     return seen

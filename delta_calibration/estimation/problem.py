@@ -17,6 +17,7 @@ a pose. With poses, the orientation of the probe's mount adds three unknowns to 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, cast
@@ -51,7 +52,49 @@ _TOLD = 10.0  # prior over posterior standard deviation from which the offset ha
 _UNTOLD = 1e-4  # share of the prior's variance below which a decrease tells nothing of the offset
 _ROUNDS = 12  # most rounds in which the loss is adapted to the residuals
 _SHRUNK = 0.9  # ratio of successive bends of the loss, above which they have converged
+_KEPT = 300_000  # samples times unknowns, up to which their Jacobian is kept
+_BLOCK = 256  # samples whose Jacobian is computed at a time otherwise
 MOUNT_NAMES = vector_names("probe_turn")
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Jacobian of the whitened prediction by the free unknowns, in memory."""
+
+    rows: Array  # (n d, F)
+
+    def blocks(self) -> Iterator[tuple[slice, Array]]:
+        """Samples and their rows: all at once."""
+        yield slice(None), self.rows
+
+    def take(self, samples: NDArray[np.intp], d: int) -> Kept:
+        """Rows of some of the samples, which have d each."""
+        each = self.rows.reshape(-1, d, self.rows.shape[1])[samples]
+        return Kept(each.reshape(-1, self.rows.shape[1]))
+
+
+@dataclass(frozen=True)
+class Recomputed:
+    """The Jacobian of many samples by many unknowns, computed block by block when needed."""
+
+    problem: Problem
+    theta: Array  # (P,)
+    pose: Array  # (n, k)
+
+    @property
+    def rows(self) -> Array:
+        """All rows, (n d, F)."""
+        return np.concatenate([rows for _, rows in self.blocks()])
+
+    def blocks(self) -> Iterator[tuple[slice, Array]]:
+        """Samples and their rows, block by block."""
+        for own, part in self.problem.blocks:
+            yield own, part.linearized(self.theta, self.pose[own]).rows
+
+    def take(self, samples: NDArray[np.intp], d: int) -> Recomputed:
+        """Rows of some of the samples."""
+        del d
+        return Recomputed(self.problem.take(samples), self.theta, self.pose[samples])
 
 
 @dataclass(frozen=True)
@@ -60,8 +103,13 @@ class Linearized:
 
     pose: Array  # (n, k) of the platform
     residual: Array  # (n, d) whitened: measured less predicted
-    rows: Array  # (n d, F) whitened d(predicted)/dz of the free unknowns
+    jacobian: Kept | Recomputed
     numbers: Index  # (n,) how many of the d numbers each sample has
+
+    @property
+    def rows(self) -> Array:
+        """Rows of the Jacobian, whitened d(predicted)/dz of the free unknowns, (n d, F)."""
+        return self.jacobian.rows
 
     @property
     def slope(self) -> Array:
@@ -71,8 +119,8 @@ class Linearized:
     def take(self, samples: NDArray[np.intp]) -> Linearized:
         """Some of the samples."""
         residual, numbers = self.residual[samples], self.numbers[samples]
-        rows = self.slope[samples].reshape(residual.size, self.rows.shape[1])
-        return Linearized(self.pose[samples], residual, rows, numbers)
+        jacobian = self.jacobian.take(samples, residual.shape[1])
+        return Linearized(self.pose[samples], residual, jacobian, numbers)
 
 
 @dataclass(frozen=True)
@@ -188,16 +236,36 @@ class Problem:
             theta: (P,).
             guess: approximate poses of the platform, (n, k); searched if not given.
         """
+        if len(self.blocks) > 1:
+            return self._left(theta, guess)
         parts = [
             self._whitened(linear, part.whiten)
             for linear, part in zip(self.about(theta, guess), self.measured, strict=True)
         ]
         return parts[0] if len(parts) == 1 else _stacked(parts)
 
+    @cached_property
+    def blocks(self) -> tuple[tuple[slice, Problem], ...]:
+        """Samples and the problem with them: several if the Jacobian is too large to be kept."""
+        n, width = len(self.at), int(self.free.sum())
+        if len(self.measured) > 1 or n * width <= _KEPT:
+            return ((slice(None), self),)
+        spans = [slice(begin, begin + _BLOCK) for begin in range(0, n, _BLOCK)]
+        return tuple((own, self.take(np.arange(n)[own])) for own in spans)
+
     def _whitened(self, linear: Linear, whiten: Array) -> Linearized:
         slope = np.ascontiguousarray(linear.by_theta)
         residual, rows = _equations().whitened(linear.missed, slope, whiten, self._freed)
-        return Linearized(linear.pose, residual, rows, np.full(len(residual), residual.shape[1]))
+        numbers = np.full(len(residual), residual.shape[1])
+        return Linearized(linear.pose, residual, Kept(rows), numbers)
+
+    def _left(self, theta: Array, guess: Array | None) -> Linearized:
+        """The whitened residuals of one kind; their Jacobian when it is needed."""
+        (part,), (at,) = self.measured, self._predictors
+        pose, missed = part.observation.left(at, theta, guess)
+        residual = (part.whiten @ missed[..., None])[..., 0]
+        numbers = np.full(len(residual), residual.shape[1])
+        return Linearized(pose, residual, Recomputed(self, theta, pose), numbers)
 
     @cached_property
     def _freed(self) -> Array:
@@ -270,7 +338,7 @@ def _stacked(parts: list[Linearized]) -> Linearized:
     return Linearized(
         np.concatenate([part.pose for part in parts]),
         np.concatenate([widened(part.residual, width) for part in parts]),
-        rows.reshape(-1, rows.shape[-1]),
+        Kept(rows.reshape(-1, rows.shape[-1])),
         np.concatenate([part.numbers for part in parts]),
     )
 
@@ -503,12 +571,13 @@ class _State:
     @cached_property
     def equations(self) -> tuple[Array, Array]:
         """Normal matrix (F, F) and gradient (F,), see normal_equations.py."""
-        error, rows = _equations().weighted(
-            self.at.residual, self.at.rows, self.weight, self.spread
-        )
-        normal = rows.T @ rows
-        normal.flat[:: len(normal) + 1] += self.expected
-        return normal, rows.T @ error - self.expected * self.z
+        normal, gradient = np.diag(self.expected), -self.expected * self.z
+        for own, rows in self.at.jacobian.blocks():
+            some = self.at.residual[own], rows, self.weight[own], self.spread
+            inner, along = _equations().products(*some)
+            normal += inner
+            gradient += along
+        return normal, gradient
 
 
 def _state(
