@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, reduce
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -458,8 +458,7 @@ def gather(
     """
     chain, poses, paths, at = problem.chain, survey.poses, survey.paths, survey.conditions
     whiten_paths, count = np.zeros((0, 3, 3)), len(poses)
-    (about,) = problem.about(theta, None if guess is None else guess[:count])
-    about = less_effects(about, problem.layout, theta)
+    about = _at_rest(problem, theta, None if guess is None else guess[:count])
     if len(paths):
         missed, moving = _in_motion(
             paths, chain, theta, None if guess is None else guess[count:], problem.layout
@@ -467,7 +466,7 @@ def gather(
         whiten_paths = _whiten_paths(paths, moving.by_joints, cell)
         turning = _TURNING * chain.mechanism.joint_size
         whiten_paths = _believed(whiten_paths, missed, paths, turning) * whiten_paths
-        about = _one_after_the_other(about, moving)
+        about = _one_after_the_other([about, moving])
     size, d = chain.mechanism.joint_size, about.missed.shape[1]
     apart = ~on_the_way(survey)
     root = np.sqrt(cell.weight * apart)[:, None, None]
@@ -496,24 +495,36 @@ def _in_motion(
         part = tracker.linearized(chain.predictor(own), theta, near)
         missed.append(part.missed)
         parts.append(less_effects(part, layout, theta))
-    return np.concatenate(missed), reduce(_one_after_the_other, parts)
+    return np.concatenate(missed), _one_after_the_other(parts)
 
 
-def _one_after_the_other(first: Linear, second: Linear) -> Linear:
-    """Concatenate two linear forms; the second has at most as many coordinates as the first."""
-    d, stood = first.missed.shape[1], None
-    if first.stood is not None and second.stood is not None:
-        pairs = zip(first.stood, second.stood, strict=True)
-        joint, geometry = (np.concatenate(pair) for pair in pairs)
-        stood = joint, geometry
+def _at_rest(problem: Problem, theta: Array, guess: Array | None) -> Linear:
+    """Linear form of the poses without effects, block by block where they are many."""
+    parts = []
+    for own, part in problem.blocks:
+        (about,) = part.about(theta, None if guess is None else guess[own])
+        parts.append(less_effects(about, problem.layout, theta))
+    return _one_after_the_other(parts)
+
+
+def _one_after_the_other(parts: Sequence[Linear]) -> Linear:
+    """Concatenate linear forms; the first has the most coordinates."""
+    if len(parts) == 1:
+        return parts[0]
+    d, stood = parts[0].missed.shape[1], [part.stood for part in parts if part.stood is not None]
     return Linear(
-        np.concatenate([first.pose, second.pose]),
-        np.concatenate([first.missed, widened(second.missed, d)]),
-        np.concatenate([first.by_theta, widened(second.by_theta, d)]),
-        np.concatenate([first.by_joints, widened(second.by_joints, d)]),
-        all_of(first.at, second.at),
-        stood,
+        np.concatenate([part.pose for part in parts]),
+        np.concatenate([widened(part.missed, d) for part in parts]),
+        np.concatenate([widened(part.by_theta, d) for part in parts]),
+        np.concatenate([widened(part.by_joints, d) for part in parts]),
+        all_of(*(part.at for part in parts)),
+        _both(stood) if len(stood) == len(parts) else None,
     )
+
+
+def _both(stood: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    joint, geometry = zip(*stood, strict=True)
+    return np.concatenate(joint), np.concatenate(geometry)
 
 
 def less_effects(about: Linear, layout: Layout, theta: Array) -> Linear:

@@ -240,6 +240,17 @@ def _course(poses: Poses, place: Index, slope: Array) -> Array:
     of approach and in the payload, with coefficients that are linear in the joint coordinates.
     """
     clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
+    several = np.flatnonzero(np.bincount(place)[place] > 1)
+    basis = _changes(poses.take(several), clock[several], place[several], slope[several])
+    every = np.zeros((len(poses), 3, basis.shape[1]))
+    every[several] = basis.reshape(len(several), *every.shape[1:])
+    return every.reshape(3 * len(poses), basis.shape[1])
+
+
+def _changes(poses: Poses, clock: Array, place: Index, slope: Array) -> Array:
+    """`_course` of poses at places that were visited several times."""
+    if not len(poses):
+        return np.zeros((0, 0))
     payload = np.nan_to_num(poses.payload)
     condition = np.column_stack([clock, clock**2, clock**3, payload, poses.direction])
     plane = np.column_stack([np.ones(len(poses)), poses.joint])
