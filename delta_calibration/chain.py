@@ -219,6 +219,10 @@ class Predictor:
     at: Conditions
     signals: Signals  # recorded
 
+    def take(self, rows: NDArray[Any] | slice) -> Predictor:
+        """The chain prepared for some of the samples."""
+        return Predictor(self.chain, self.at.take(rows), self.signals.take(rows))
+
     @cached_property
     def _begins(self) -> Index:
         """First entries of offset, turn and place in theta."""

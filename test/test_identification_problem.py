@@ -103,7 +103,7 @@ def test_a_jacobian_that_is_computed_again_leads_to_the_same(problem, monkeypatc
     part = solve(problem.take(some), one.near(some))
     monkeypatch.setattr(module, "_KEPT", 0)
     monkeypatch.setattr(module, "_BLOCK", 32)
-    other, begin = solve(replace(problem)), one.at.rows
+    other, begin = solve(replace(problem)), one.at.rows  # a copy, with blocks of its own
     assert isinstance(other.at.jacobian, module.Recomputed)
     assert len(list(other.at.jacobian.blocks())) == 3
     np.testing.assert_allclose(other.at.rows, begin, atol=1e-4 * np.abs(begin).max())

@@ -500,11 +500,8 @@ def _in_motion(
 
 def _at_rest(problem: Problem, theta: Array, guess: Array | None) -> Linear:
     """Linear form of the poses without effects, block by block where they are many."""
-    parts = []
-    for own, part in problem.blocks:
-        (about,) = part.about(theta, None if guess is None else guess[own])
-        parts.append(less_effects(about, problem.layout, theta))
-    return _one_after_the_other(parts)
+    every = problem.in_blocks(theta, guess)
+    return _one_after_the_other([less_effects(part, problem.layout, theta) for _, part in every])
 
 
 def _one_after_the_other(parts: Sequence[Linear]) -> Linear:

@@ -126,7 +126,7 @@ class Observation(ABC):
     def _about(self, machine: PlacedMachine) -> Linear:
         return self.linearized(machine.chain.predictor(at_rest(self.joint)), machine.theta)
 
-    def take(self: Own, rows: NDArray[Any]) -> Own:
+    def take(self: Own, rows: NDArray[Any] | slice) -> Own:
         """Some of the measurements."""
         own: dict[str, Any] = {name: getattr(self, name)[rows] for name in self.each}
         taken: Own = replace(self, **own)  # type: ignore[type-var]

@@ -88,8 +88,8 @@ class Recomputed:
 
     def blocks(self) -> Iterator[tuple[slice, Array]]:
         """Samples and their rows, block by block."""
-        for own, part in self.problem.blocks:
-            yield own, part.linearized(self.theta, self.pose[own]).rows
+        for own, linear in self.problem.in_blocks(self.theta, self.pose):
+            yield own, self.problem.whitened(linear, own)[1]
 
     def take(self, samples: NDArray[np.intp], d: int) -> Recomputed:
         """Rows of some of the samples."""
@@ -238,26 +238,34 @@ class Problem:
         """
         if len(self.blocks) > 1:
             return self._left(theta, guess)
-        parts = [
-            self._whitened(linear, part.whiten)
-            for linear, part in zip(self.about(theta, guess), self.measured, strict=True)
-        ]
+        parts = []
+        for kind, linear in enumerate(self.about(theta, guess)):
+            residual, rows = self.whitened(linear, slice(None), kind)
+            numbers = np.full(len(residual), residual.shape[1])
+            parts.append(Linearized(linear.pose, residual, Kept(rows), numbers))
         return parts[0] if len(parts) == 1 else _stacked(parts)
 
     @cached_property
-    def blocks(self) -> tuple[tuple[slice, Problem], ...]:
-        """Samples and the problem with them: several if the Jacobian is too large to be kept."""
+    def blocks(self) -> tuple[slice, ...]:
+        """Samples to linearize at a time: several blocks if the Jacobian is too large to keep."""
         n, width = len(self.at), int(self.free.sum())
         if len(self.measured) > 1 or n * width <= _KEPT:
-            return ((slice(None), self),)
-        spans = [slice(begin, begin + _BLOCK) for begin in range(0, n, _BLOCK)]
-        return tuple((own, self.take(np.arange(n)[own])) for own in spans)
+            return (slice(None),)
+        return tuple(slice(begin, begin + _BLOCK) for begin in range(0, n, _BLOCK))
 
-    def _whitened(self, linear: Linear, whiten: Array) -> Linearized:
+    def in_blocks(self, theta: Array, guess: Array | None) -> Iterator[tuple[slice, Linear]]:
+        """Measurements of one kind linearized at theta, block by block; see `about`."""
+        (part,), (at,) = self.measured, self._predictors
+        for own in self.blocks:
+            near = None if guess is None else guess[own]
+            yield own, part.observation.take(own).linearized(at.take(own), theta, near)
+
+    def whitened(self, linear: Linear, samples: slice, kind: int = 0) -> tuple[Array, Array]:
+        """Whitened residuals (n, d) and Jacobian rows (n d, F) of samples of one kind."""
+        whiten = self.measured[kind].whiten[samples]
         slope = np.ascontiguousarray(linear.by_theta)
         residual, rows = _equations().whitened(linear.missed, slope, whiten, self._freed)
-        numbers = np.full(len(residual), residual.shape[1])
-        return Linearized(linear.pose, residual, Kept(rows), numbers)
+        return residual, rows
 
     def _left(self, theta: Array, guess: Array | None) -> Linearized:
         """The whitened residuals of one kind; their Jacobian when it is needed."""
