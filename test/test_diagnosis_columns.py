@@ -75,7 +75,8 @@ def test_products_are_those_of_the_columns(kinds) -> None:
             np.testing.assert_allclose(columns.part(some, D).dense, part, atol=1e-12)
         m, f = np.random.default_rng(7).standard_normal((N, D)), np.linspace(-1.0, 2.0, N)
         along = (m * f[:, None]).ravel() @ out
-        np.testing.assert_allclose(f @ columns.through(m), along, atol=1e-12)
+        np.testing.assert_allclose(f @ columns.through(m).dense, along, atol=1e-12)
+        np.testing.assert_allclose(columns.through(m).along(f[:, None])[:, 0], along, atol=1e-12)
         root = np.linspace(0.0, 2.0, N)[:, None, None]
         heavy = (root * each).reshape(out.shape)
         np.testing.assert_allclose(columns.weighed(root).dense, heavy, atol=1e-12)

@@ -59,21 +59,17 @@ class Columns(ABC):
         """Products X v with values v (k, j), (d n, j)."""
 
     @property
+    @abstractmethod
     def dense(self) -> Array:
         """The columns as a dense matrix, (d n, k)."""
-        return self.times(np.eye(self.width))
 
     @abstractmethod
     def squares(self, d: int) -> Array:
         """Squared length of each sample's d numbers over all columns, (n,)."""
 
     @abstractmethod
-    def through(self, m: Array) -> Array:
-        """Products m . x of each sample with m (n, d), (n, k)."""
-
-    def met(self, m: Array, functions: Array) -> Array:
-        """Products (f m)' X of columns f m, (j, k), with m (n, d) and functions f (j, n)."""
-        return np.asarray(functions @ self.through(m))
+    def through(self, m: Array) -> Columns:
+        """Products m . x of each sample with m (n, d): columns of one number for each sample."""
 
     @property
     def flat(self) -> tuple[Columns, ...]:
@@ -121,15 +117,20 @@ class Plain(Columns):
         """X v, (d n, j)."""
         return np.asarray(self.values @ values)
 
+    @property
+    def dense(self) -> Array:
+        """The columns as a dense matrix, (d n, k)."""
+        return self.values
+
     def squares(self, d: int) -> Array:
         """Squared length of each sample over all columns, (n,)."""
         each = self.values.reshape(len(self.values) // d, d * self.width)
         return np.asarray(np.sum(each**2, axis=1))
 
-    def through(self, m: Array) -> Array:
+    def through(self, m: Array) -> Plain:
         """Products m . x of each sample, (n, k)."""
         each = self.values.reshape(*m.shape, self.width)
-        return np.asarray(np.einsum("nc,nck->nk", m, each))
+        return Plain(np.einsum("nc,nck->nk", m, each))
 
     def part(self, samples: Samples, d: int) -> Plain:
         """The columns at some of the samples."""
@@ -202,21 +203,20 @@ class Product(Columns):
         each = self.functions @ values.reshape(self.functions.shape[1], -1)
         return np.asarray(self.moved @ each.reshape(n, m, -1)).reshape(n * d, -1)
 
+    @property
+    def dense(self) -> Array:
+        """The columns as a dense matrix, (d n, k)."""
+        each = self.moved[:, :, None, :] * self.functions[:, None, :, None]
+        return each.reshape(-1, self.width)
+
     def squares(self, d: int) -> Array:
         """Squared length of each sample over all columns, (n,)."""
         moved = np.sum(self.moved**2, axis=(1, 2))
         return np.asarray(moved * np.sum(self.functions**2, axis=1))
 
-    def through(self, m: Array) -> Array:
-        """Products m . x of each sample, (n, k)."""
-        moved = np.einsum("nc,ncm->nm", m, self.moved)
-        return np.asarray(self.functions[:, :, None] * moved[:, None]).reshape(len(m), -1)
-
-    def met(self, m: Array, functions: Array) -> Array:
-        """Products (f m)' X, (j, k); m . m_j is computed once for all functions phi."""
-        moved = np.einsum("nc,ncm->mn", m, self.moved)
-        found = [(each * functions) @ self.functions for each in moved]
-        return np.stack(found, axis=-1).reshape(len(functions), -1)
+    def through(self, m: Array) -> Product:
+        """Products m . x of each sample, (n, k): m . m_j once for all functions."""
+        return Product(np.einsum("nc,ncm->nm", m, self.moved)[:, None], self.functions)
 
     def part(self, samples: Samples, d: int) -> Product:
         """The columns at some of the samples."""
@@ -279,7 +279,8 @@ class Sparse(Columns):
         if isinstance(other, Sparse):
             return np.asarray((self.values.T @ other.values).toarray())
         if isinstance(other, Product):
-            met = [self._through(m).T @ other.functions for m in np.moveaxis(other.moved, 2, 0)]
+            each = np.moveaxis(other.moved, 2, 0)
+            met = [self.through(m).values.T @ other.functions for m in each]
             return np.stack(met, axis=-1).reshape(self.width, other.width)
         return np.asarray(other.across(self).T)
 
@@ -287,18 +288,21 @@ class Sparse(Columns):
         """X v, (d n, j)."""
         return np.asarray(self.values @ values)
 
+    @property
+    def dense(self) -> Array:
+        """The columns as a dense matrix, (d n, k)."""
+        return np.asarray(self.values.toarray())
+
     def squares(self, d: int) -> Array:
         """Squared length of each sample over all columns, (n,)."""
         squares = np.asarray(self.values.power(2).sum(axis=1))
         return np.asarray(squares.reshape(-1, d).sum(axis=1))
 
-    def through(self, m: Array) -> Array:
+    def through(self, m: Array) -> Sparse:
         """Products m . x of each sample, (n, k)."""
-        return np.asarray(self._through(m).toarray())
-
-    def met(self, m: Array, functions: Array) -> Array:
-        """Products (f m)' X, (j, k)."""
-        return np.asarray((self._through(m).T @ functions.T).T)
+        n, d = m.shape
+        along = csr_array((m.ravel(), np.arange(n * d), np.arange(0, n * d + 1, d)))
+        return Sparse(csr_array(along @ self.values))
 
     def part(self, samples: Samples, d: int) -> Sparse:
         """The columns at some of the samples."""
@@ -309,12 +313,6 @@ class Sparse(Columns):
         """The columns multiplied by the root of each sample's weight."""
         each = np.repeat(root.ravel(), self.values.shape[0] // len(root))
         return Sparse(csr_array(diags_array(each) @ self.values))
-
-    def _through(self, m: Array) -> csr_array:
-        """Products m . x of each sample, (n, k), sparse."""
-        n, d = m.shape
-        along = csr_array((m.ravel(), np.arange(n * d), np.arange(0, n * d + 1, d)))
-        return csr_array(along @ self.values)
 
 
 @dataclass(frozen=True)
@@ -358,13 +356,18 @@ class Joined(Columns):
         made = (p.times(own[span]) for p, span in zip(self.parts, spans, strict=True))
         return np.asarray(sum(made))
 
+    @property
+    def dense(self) -> Array:
+        """The columns as a dense matrix, (d n, k)."""
+        return np.concatenate([part.dense for part in self.parts], axis=1)[:, self.stand]
+
     def squares(self, d: int) -> Array:
         """Squared length of each sample over all columns, (n,)."""
         return np.asarray(sum(part.squares(d) for part in self.parts))
 
-    def through(self, m: Array) -> Array:
+    def through(self, m: Array) -> Joined:
         """Products m . x of each sample, (n, k)."""
-        return np.concatenate([part.through(m) for part in self.parts], axis=1)[:, self.stand]
+        return replace(self, parts=tuple(part.through(m) for part in self.parts))
 
     @property
     def flat(self) -> tuple[Columns, ...]:

@@ -267,7 +267,7 @@ class Reshaped:
             if moved not in found:
                 m = screen.moved(moved)
                 shared = evidence.rest.seen_by_sample(m)
-                found[moved] = _Given(m, fixed.through(m), shared, evidence.rest.samples)
+                found[moved] = _Given(m, fixed.through(m).dense, shared, evidence.rest.samples)
         return found
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, columns_of
-from delta_calibration.diagnosis.columns import Plain
+from delta_calibration.diagnosis.columns import Columns, Plain
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.waves import Grid, Laid, Waves
 from delta_calibration.effects import Effect, Stage
@@ -60,7 +60,14 @@ class Shapes:
         plain = [part.values for part in parts if isinstance(part, Plain)]
         stays = Plain(np.concatenate([self.weighed, *plain], axis=1))
         each = self.evidence.by_joints.transpose(2, 0, 1)
-        return np.stack([stays.through(m) for m in each])
+        return np.stack([stays.through(m).values for m in each])
+
+    @cached_property
+    def _products(self) -> tuple[tuple[Columns, ...], ...]:
+        """m . y of each joint with the other nuisance, which is not kept as plain columns."""
+        others = [part for part in self.evidence.possible.flat if not isinstance(part, Plain)]
+        each = self.evidence.by_joints.transpose(2, 0, 1)
+        return tuple(tuple(part.through(m) for part in others) for m in each)
 
     @cached_property
     def _shared(self) -> tuple[tuple[Array, ...], ...]:
@@ -70,9 +77,8 @@ class Shapes:
 
     def stays(self, joint: int) -> Array:
         """m . y of a joint with all fixed columns: `weighed`, then the nuisance, (n, j + A)."""
-        m = self.evidence.by_joints[:, :, joint]
-        others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
-        return np.concatenate([self._along[joint], *(p.through(m) for p in others)], axis=1)
+        others = (part.dense for part in self._products[joint])
+        return np.concatenate([self._along[joint], *others], axis=1)
 
     def shared(self, joint: int) -> Array:
         """Projection of a joint's samples onto the rest errors of all episodes, (n, r)."""
@@ -152,9 +158,7 @@ class Shapes:
 
     def _met(self, joint: int, functions: Array) -> Array:
         """Products of columns m f of a joint, f (j, n), with `weighed` and the nuisance."""
-        m = self.evidence.by_joints[:, :, joint]
-        others = (p for p in self.evidence.possible.flat if not isinstance(p, Plain))
-        met = (other.met(m, functions) for other in others)
+        met = (part.along(functions.T).T for part in self._products[joint])
         return np.concatenate([functions @ self._along[joint], *met], axis=1)
 
     def _seen(self, joint: int, functions: Array) -> Array:
