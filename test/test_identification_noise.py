@@ -63,6 +63,23 @@ def test_covariance_of_a_reading_lies_along_and_across_the_beam():
         assert abs(axes[:, 0] @ point) == pytest.approx(np.linalg.norm(point))
 
 
+def test_places_visited_once_tell_nothing_of_the_noise():
+    """Beside 40 places visited four times: as without them."""
+    rng = np.random.default_rng(3)
+    again, once = np.repeat(workspace(40, rng), 4, axis=0), workspace(60, rng)
+    order = np.concatenate([[0], 1 + rng.permutation(218), [219]])
+    order = np.where(order == 219, 1, np.where(order == 1, 219, order))  # the last is a repeat
+    q = np.concatenate([again, once])[order]
+    poses = Cell(SixRods()).measure(q, rng, count=1)
+    slope, repeated = slope_of(poses), np.flatnonzero(order < 160)
+    every, some = (
+        estimate_noise(poses.take(rows), slope[rows], ROBOT) for rows in (np.arange(220), repeated)
+    )
+    assert some.measured
+    assert every.degrees == some.degrees == 120 - TIME
+    assert every.repeatability == pytest.approx(some.repeatability, rel=1e-6)
+
+
 @pytest.mark.parametrize("gap", [0.0, 1e-4])
 @pytest.mark.parametrize("growth", [0.0, 4e-4])
 def test_what_side_and_time_do_is_no_noise(gap, growth):
