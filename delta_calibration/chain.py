@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
@@ -30,6 +29,7 @@ from delta_calibration.effects import SPREAD, Effect, Stage
 from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage, terms_of
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
 from delta_calibration.geometry import Frame, rotations
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import NOTHING, POSES, READINGS, STRAY
 from delta_calibration.parameters import Parameter, ParameterSet

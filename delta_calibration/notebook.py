@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from warnings import warn
@@ -36,6 +35,7 @@ from delta_calibration.diagnosis import Diagnosis, diagnose
 from delta_calibration.doctor import Mistake, check
 from delta_calibration.errors import InputError, MistakeError
 from delta_calibration.estimation import Identification, doubts, identify
+from delta_calibration.lazy import cached_property
 from delta_calibration.plans.target_file import NAME, PLACE, TURN, commanded_columns
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report.missing import required

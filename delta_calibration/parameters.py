@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from delta_calibration.errors import DataError
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

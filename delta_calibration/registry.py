@@ -8,11 +8,11 @@ A package adds its own in an entry-point group, `delta_calibration.effects` or
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cached_property
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
 from delta_calibration.errors import ConfigError
+from delta_calibration.lazy import cached_property
 
 Kind = TypeVar("Kind")
 

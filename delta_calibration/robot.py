@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
 from importlib import resources
 from pathlib import Path
 from typing import Any, ClassVar
@@ -22,6 +21,7 @@ from delta_calibration.documents import (
 )
 from delta_calibration.errors import ConfigError
 from delta_calibration.geometry import Camera
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import MECHANISMS, Drives, Mechanism
 from delta_calibration.sections import (
     angle,

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import accumulate, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -35,7 +35,6 @@ up to J C J^T.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -44,6 +43,7 @@ from scipy.special import chdtri, fdtri, gammainc  # scipy.stats takes long to i
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

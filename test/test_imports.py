@@ -20,6 +20,7 @@ LAYERS = [
     "errors",
     "files",
     "loading",
+    "lazy",
     "model",
     "processes",
     "threads",

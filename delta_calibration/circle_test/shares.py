@@ -15,7 +15,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import combinations
 from math import comb
 
@@ -37,6 +36,7 @@ from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.verdict import Estimate
 from delta_calibration.errors import DataError
 from delta_calibration.geometry import Frame
+from delta_calibration.lazy import cached_property
 from delta_calibration.plans import tool_points
 from delta_calibration.robot import Robot
 from delta_calibration.theta import entries

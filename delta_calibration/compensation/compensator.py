@@ -8,7 +8,6 @@ command: one that fails a guard gets no correction, and the reason.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -33,6 +32,7 @@ from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Places, Signals
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 from delta_calibration.model.chain_constants import OF_PULLS
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects import Stage
 from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import STRAY
 from delta_calibration.model.swarm_law import entropy_terms

@@ -24,7 +24,7 @@ the region and its boundary that are independent of the grid; the grid is refine
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -40,6 +40,7 @@ from delta_calibration.compensation.base import (
     distance,
 )
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 
 BEND = 0.4  # b
 FEWEST_NODES = 5  # per axis: as many as the end condition takes

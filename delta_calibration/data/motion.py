@@ -7,12 +7,13 @@ from the farthest point of its last stroke, so that encoder noise is not taken f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
+
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from delta_calibration.data.readings import Readings, Rejected, match
 from delta_calibration.data.still import StillMoments, find_still
 from delta_calibration.data.streams import PayloadStream, Session
 from delta_calibration.errors import DataError
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -125,16 +125,15 @@ def moved_by(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> 
 def products_of(candidate: Candidate, evidence: LinearizedModel) -> Columns:
     """Whitened columns of the candidate's free parameters, (d n, k).
 
-    Those of maps and curves, which have hundreds, are products.
+    Those of a map are products; those of an error curve are a sparse matrix.
     """
-    effect = candidate.effect
-    columns: Columns | None = None
+    effect, sparse = candidate.effect, None
     if effect is not None and effect.by_functions:
-        whole = len(candidate.rows) == len(effect.parameters)
-        columns = evidence.product(effect) if whole else None
+        if len(candidate.rows) == len(effect.parameters):
+            return evidence.product(effect)
     elif effect is not None and effect.free_form:
-        columns = evidence.sparse(effect, candidate.rows)
-    return Plain(columns_of(candidate, evidence)) if columns is None else columns
+        sparse = evidence.sparse(effect, candidate.rows)
+    return Plain(columns_of(candidate, evidence)) if sparse is None else sparse
 
 
 def shape_columns(candidate: Candidate, evidence: LinearizedModel, scaled: Array) -> Array:

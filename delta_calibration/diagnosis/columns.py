@@ -18,7 +18,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 from typing import Any, cast
 
@@ -26,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
+from delta_calibration.lazy import cached_property
 from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
@@ -301,12 +301,18 @@ class Sparse(Columns):
     def through(self, m: Array) -> Sparse:
         """Products m . x of each sample, (n, k)."""
         n, d = m.shape
-        along = csr_array((m.ravel(), np.arange(n * d), np.arange(0, n * d + 1, d)))
+        entries = m.ravel(), np.arange(n * d), np.arange(0, n * d + 1, d)
+        along = csr_array(entries, shape=(n, n * d))
         return Sparse(csr_array(along @ self.values))
 
     def part(self, samples: Samples, d: int) -> Sparse:
         """The columns at some of the samples."""
-        every = np.arange(self.values.shape[0]).reshape(-1, d)
+        n = self.values.shape[0] // d
+        if isinstance(samples, slice):
+            begin, end, step = samples.indices(n)
+            if step == 1:
+                return Sparse(self.values[d * begin : d * end])
+        every = np.arange(n * d).reshape(n, d)
         return Sparse(self.values[every[samples].ravel()])
 
     def weighed(self, root: Array) -> Sparse:
@@ -317,7 +323,7 @@ class Sparse(Columns):
 
 @dataclass(frozen=True)
 class Joined(Columns):
-    """Columns of several parts in a given order: one part for all dense ones, one a product."""
+    """Columns of several parts in a given order: all dense ones, each product, each sparse set."""
 
     parts: tuple[Columns, ...]
     stand: Index  # (k,) position of each column among those of the parts

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,6 +60,7 @@ from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.set_aside import set_aside
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
 from delta_calibration.effects.base import SENSOR
+from delta_calibration.lazy import cached_property
 from delta_calibration.parameters import Parameter
 from delta_calibration.theta import entries
 

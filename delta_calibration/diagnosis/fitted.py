@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
 from itertools import groupby
 from typing import Any, cast
 
@@ -33,6 +32,7 @@ from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.verdict import SessionFacts
 from delta_calibration.effects import Effect, Interval
 from delta_calibration.estimation import Population, Problem, placing, registered
+from delta_calibration.lazy import cached_property
 from delta_calibration.theta import Layout, entries
 
 Array = NDArray[np.float64]

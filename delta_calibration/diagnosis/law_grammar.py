@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -30,6 +29,7 @@ from delta_calibration.effects.found_law import (
 )
 from delta_calibration.effects.signals import Signals
 from delta_calibration.geometry import Frame
+from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]

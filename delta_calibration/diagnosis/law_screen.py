@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -34,6 +34,7 @@ from delta_calibration.diagnosis.scores import PRECISION, log_bayes_of_each
 from delta_calibration.effects.base import Stage
 from delta_calibration.effects.found_law import FoundLaw, Taken, function_of
 from delta_calibration.effects.signals import Signals
+from delta_calibration.lazy import cached_property
 from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]

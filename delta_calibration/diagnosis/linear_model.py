@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +45,7 @@ from delta_calibration.estimation import (
     widened,
 )
 from delta_calibration.geometry import rotations
+from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 from delta_calibration.theta import Layout
 
@@ -308,7 +308,7 @@ class LinearizedModel:
         return Product(self.by_stage(effect.stage), functions * effect.parameters.prior[0])
 
     def sparse(self, effect: Effect, values: Sequence[int]) -> Sparse | None:
-        """Columns of values of an effect that are zero at most samples.
+        """Whitened columns of some values of an effect as a sparse matrix, (d n, k).
 
         None if a value moves several numbers of its stage.
         """

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -25,6 +24,7 @@ from delta_calibration.diagnosis.columns import Plain, joined
 from delta_calibration.diagnosis.constants import RISE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Effect, Interval
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import groupby
 from math import log, pi
 
@@ -45,6 +44,7 @@ from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.diagnosis.tails import log_chi2, log_f
 from delta_calibration.effects import SPREAD
 from delta_calibration.estimation.positive import solved
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import cast
 
@@ -29,6 +28,7 @@ from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.waves import Grid, Laid, Waves
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.apart import Apart, functions_of
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

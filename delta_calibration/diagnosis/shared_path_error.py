@@ -18,7 +18,6 @@ cost time in proportion to the number of readings.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +25,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.columns import Columns, Plain
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

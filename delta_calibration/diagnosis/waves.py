@@ -12,11 +12,12 @@ grid, whatever the number of samples, and all joints use the same waves on the g
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.lazy import cached_property
 from delta_calibration.model.spreading import STEPS, kernel, spread
 
 Array = NDArray[np.float64]

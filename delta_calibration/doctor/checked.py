@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 from delta_calibration.data import Session
 from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake, in_order
 from delta_calibration.doctor.stops import stops_of
 from delta_calibration.documents import Document
+from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 
 

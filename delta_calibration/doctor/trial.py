@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -32,6 +32,7 @@ from delta_calibration.doctor.placing import (
 from delta_calibration.doctor.stops import SPARSE, stops_of, thinned
 from delta_calibration.doctor.turns import DOUBTED, doubt, turn_misfit
 from delta_calibration.documents import Document
+from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]

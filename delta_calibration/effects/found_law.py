@@ -13,7 +13,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,6 +23,7 @@ from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
 from delta_calibration.errors import InputError
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model import symbols
 from delta_calibration.model.symbols import Symbol, where

@@ -9,7 +9,7 @@ takes; each has a fixed place in one row of numbers, the same for all effects on
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.model.chain_constants import (
     OF_CARRIED,

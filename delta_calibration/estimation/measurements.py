@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
@@ -22,6 +21,7 @@ from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Stage
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.theta import Layout
 
@@ -107,7 +107,7 @@ class Observation(ABC):
         """
 
     def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
-        """Poses (n, k) and residuals (n, d) of `linearized`, without the derivatives."""
+        """Poses (n, k) and residuals (n, d) of `linearized`; kinds that need not derive do not."""
         linear = self.linearized(at, theta, guess)
         return linear.pose, linear.missed
 
@@ -247,16 +247,13 @@ class PoseMeasured(PointMeasured):
         chain, layout, x = at.chain, _layout(at.chain, theta), point.pose
         turned = at.see(theta[layout.chain], x, "poses")
         frame = rotations.exp(theta[layout.turn])
-        platform = chain.rotation(at.at, theta[layout.chain], x)
+        platform, missed = self._turned(at, theta, x)
         by_pose = frame @ chain.mechanism.turn_by_pose(x)
         slope = _mounted(by_pose @ turned.jacobian, layout)
         slope[..., layout.turn] = rotations.left_jacobian(theta[layout.turn])
         _add_turns_of_base(slope, at, theta, layout, x)
-        predicted = platform
         if layout.has_mount:
-            predicted = platform @ rotations.exp(theta[layout.mount])
             slope[..., layout.mount] = platform @ rotations.left_jacobian(theta[layout.mount])
-        missed = rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2))
         return replace(
             point,
             missed=np.concatenate([point.missed, missed], axis=1),
@@ -266,7 +263,17 @@ class PoseMeasured(PointMeasured):
 
     def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
         """Poses (n, k) and residuals (n, 6) [m, rad]."""
-        return Observation.left(self, at, theta, guess)
+        pose, missed = super().left(at, theta, guess)
+        _, turned = self._turned(at, theta, pose)
+        return pose, np.concatenate([missed, turned], axis=1)
+
+    def _turned(self, at: Predictor, theta: Array, x: Array) -> tuple[Array, Array]:
+        """Predicted rotation of the platform (n, 3, 3), and the probe's residual (n, 3) [rad]."""
+        layout = _layout(at.chain, theta)
+        platform = predicted = at.chain.rotation(at.at, theta[layout.chain], x)
+        if layout.has_mount:
+            predicted = platform @ rotations.exp(theta[layout.mount])
+        return platform, rotations.log(self.rotation @ np.swapaxes(predicted, 1, 2))
 
 
 @dataclass(frozen=True)

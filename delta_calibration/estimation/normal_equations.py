@@ -99,7 +99,7 @@ def weighted(residual: Array, rows: Array, weight: Array, spread: float) -> tupl
 def products(residual: Array, rows: Array, weight: Array, spread: float) -> tuple[Array, Array]:
     """A' W A (F, F) and A' W r (F,) of samples, without priors; arguments as of `weighted`.
 
-    Error curves are zero at most samples. Then the products of the others alone take less time.
+    Error curves are zero at most samples: leaving their zeros out takes less time.
     """
     if rows.shape[1] > _WIDE and np.count_nonzero(rows) < _SPARSE * rows.size:
         inner, along = _sparse_products(residual, rows, weight, spread)
@@ -112,7 +112,7 @@ def products(residual: Array, rows: Array, weight: Array, spread: float) -> tupl
 def _sparse_products(
     residual: Array, rows: Array, weight: Array, spread: float
 ) -> tuple[Array, Array]:
-    """The same, of the matrix its lower half; zeros are left out."""
+    """The same without the zeros; of A' W A only the lower half is filled."""
     n, d = residual.shape
     count = rows.shape[1]
     inner, along = np.zeros((count, count)), np.zeros(count)

@@ -149,7 +149,7 @@ def likelihood_of(solution: Solution) -> Likelihood:
     """
     problem = solution.problem
     root = np.sqrt(solution.weight)[:, None] / spread_of(solution.residual)
-    slope = (root[..., None] * solution.at.slope).reshape(-1, solution.at.slope.shape[-1])
+    slope = np.repeat(root.ravel(), solution.residual.shape[1])[:, None] * solution.at.rows
     residual = (root * solution.residual).reshape(-1) + slope @ solution.z
     information, along = slope.T @ slope, slope.T @ residual
     here = problem.layout.mask(problem.layout.geometry, problem.layout.effects)[problem.free]

@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
@@ -31,6 +30,7 @@ from delta_calibration.data import Conditions, joined
 from delta_calibration.errors import DataError
 from delta_calibration.estimation.measurements import Linear, Measured, PointMeasured
 from delta_calibration.estimation.positive import solved
+from delta_calibration.lazy import cached_property
 from delta_calibration.theta import Layout, vector_names
 from delta_calibration.threads import one_thread
 
@@ -61,16 +61,20 @@ MOUNT_NAMES = vector_names("probe_turn")
 class Kept:
     """Jacobian of the whitened prediction by the free unknowns, in memory."""
 
-    rows: Array  # (n d, F)
+    slope: Array  # (n, d, F)
+
+    @property
+    def rows(self) -> Array:
+        """All rows, (n d, F)."""
+        return self.slope.reshape(-1, self.slope.shape[2])
 
     def blocks(self) -> Iterator[tuple[slice, Array]]:
         """Samples and their rows: all at once."""
         yield slice(None), self.rows
 
-    def take(self, samples: NDArray[np.intp], d: int) -> Kept:
-        """Rows of some of the samples, which have d each."""
-        each = self.rows.reshape(-1, d, self.rows.shape[1])[samples]
-        return Kept(each.reshape(-1, self.rows.shape[1]))
+    def take(self, samples: NDArray[np.intp]) -> Kept:
+        """Those of some of the samples."""
+        return Kept(self.slope[samples])
 
 
 @dataclass(frozen=True)
@@ -91,9 +95,8 @@ class Recomputed:
         for own, linear in self.problem.in_blocks(self.theta, self.pose):
             yield own, self.problem.whitened(linear, own)[1]
 
-    def take(self, samples: NDArray[np.intp], d: int) -> Recomputed:
-        """Rows of some of the samples."""
-        del d
+    def take(self, samples: NDArray[np.intp]) -> Recomputed:
+        """Those of some of the samples."""
         return Recomputed(self.problem.take(samples), self.theta, self.pose[samples])
 
 
@@ -119,7 +122,7 @@ class Linearized:
     def take(self, samples: NDArray[np.intp]) -> Linearized:
         """Some of the samples."""
         residual, numbers = self.residual[samples], self.numbers[samples]
-        jacobian = self.jacobian.take(samples, residual.shape[1])
+        jacobian = self.jacobian.take(samples)
         return Linearized(self.pose[samples], residual, jacobian, numbers)
 
 
@@ -242,13 +245,14 @@ class Problem:
         for kind, linear in enumerate(self.about(theta, guess)):
             residual, rows = self.whitened(linear, slice(None), kind)
             numbers = np.full(len(residual), residual.shape[1])
-            parts.append(Linearized(linear.pose, residual, Kept(rows), numbers))
+            slope = rows.reshape(*residual.shape, rows.shape[1])
+            parts.append(Linearized(linear.pose, residual, Kept(slope), numbers))
         return parts[0] if len(parts) == 1 else _stacked(parts)
 
     @cached_property
     def blocks(self) -> tuple[slice, ...]:
         """Samples to linearize at a time: several blocks if the Jacobian is too large to keep."""
-        n, width = len(self.at), int(self.free.sum())
+        n, width = sum(len(part.at) for part in self.measured), int(self.free.sum())
         if len(self.measured) > 1 or n * width <= _KEPT:
             return (slice(None),)
         return tuple(slice(begin, begin + _BLOCK) for begin in range(0, n, _BLOCK))
@@ -342,11 +346,11 @@ def widened(each: Array, width: int) -> Array:
 def _stacked(parts: list[Linearized]) -> Linearized:
     """Stack the parts of all kinds, padded to the largest d."""
     width = max(part.residual.shape[1] for part in parts)
-    rows = np.concatenate([widened(part.slope, width) for part in parts])
+    slope = np.concatenate([widened(part.slope, width) for part in parts])
     return Linearized(
         np.concatenate([part.pose for part in parts]),
         np.concatenate([widened(part.residual, width) for part in parts]),
-        Kept(rows.reshape(-1, rows.shape[-1])),
+        Kept(slope),
         np.concatenate([part.numbers for part in parts]),
     )
 

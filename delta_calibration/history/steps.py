@@ -18,13 +18,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from delta_calibration.history.walk import Kept, Part, Step, Walk
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]

@@ -25,10 +25,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import ReachError, SingularityError
 from delta_calibration.geometry import rotations
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms.drives import Drives
 from delta_calibration.model import symbols
 from delta_calibration.model.chain_constants import SIDES, STRAY

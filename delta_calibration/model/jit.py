@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterator
-from functools import cache, cached_property
+from functools import cache
 from hashlib import blake2s
 from pathlib import Path
 from pickle import UnpicklingError
@@ -23,6 +23,7 @@ from numba.core.registry import CPUDispatcher
 from numba.experimental import structref
 from numba.extending import intrinsic
 
+from delta_calibration.lazy import cached_property
 from delta_calibration.model import lowering
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])

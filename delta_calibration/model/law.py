@@ -26,12 +26,12 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from hashlib import blake2s
 from importlib import import_module
 from typing import Any
 
 from delta_calibration.errors import ConfigError
+from delta_calibration.lazy import cached_property
 from delta_calibration.model import library
 
 STAGES = ("setup", "shared", "near", "full")

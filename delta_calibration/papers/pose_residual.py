@@ -14,12 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError, InputError
+from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.mechanisms.base import solve
 from delta_calibration.papers.swarm import Box, SwarmResult

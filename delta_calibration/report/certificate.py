@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.errors import DataError
+from delta_calibration.lazy import cached_property
 from delta_calibration.report.about import NOT_STATED, About
 from delta_calibration.report.budget import Budget, budget_of, certified
 from delta_calibration.report.decision import Decision, decided, of_all

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from delta_calibration.estimation import (
 )
 from delta_calibration.estimation.noise import Noise
 from delta_calibration.geometry import Frame, align
+from delta_calibration.lazy import cached_property
 from delta_calibration.plans import joints_toward, tool_frames
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
