@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any, TypeVar, overload
-
-if TYPE_CHECKING:
-    pass
+from typing import Any, TypeVar, overload
 
 _Result = TypeVar("_Result")
 _UNKNOWN = object()

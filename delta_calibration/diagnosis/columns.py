@@ -91,10 +91,10 @@ class Columns(ABC):
 
 
 @dataclass(frozen=True)
-class Plain(Columns):
-    """Dense columns."""
+class Matrix(Columns):
+    """Columns that are kept as a matrix."""
 
-    values: Array  # (d n, k)
+    values: Any  # (d n, k), dense or sparse
 
     @property
     def width(self) -> int:
@@ -105,6 +105,17 @@ class Plain(Columns):
         """X' y, (k, j)."""
         return np.asarray(self.values.T @ y)
 
+    def times(self, values: Array) -> Array:
+        """X v, (d n, j)."""
+        return np.asarray(self.values @ values)
+
+
+@dataclass(frozen=True)
+class Plain(Matrix):
+    """Dense columns."""
+
+    values: Array  # (d n, k)
+
     def inner(self) -> Array:
         """X' X, (k, k)."""
         return self.along(self.values)
@@ -112,10 +123,6 @@ class Plain(Columns):
     def across(self, other: Columns) -> Array:
         """X' Z, (k, l)."""
         return np.asarray(other.along(self.values).T)
-
-    def times(self, values: Array) -> Array:
-        """X v, (d n, j)."""
-        return np.asarray(self.values @ values)
 
     @property
     def dense(self) -> Array:
@@ -246,7 +253,7 @@ class Product(Columns):
 
 
 @dataclass(frozen=True)
-class Sparse(Columns):
+class Sparse(Matrix):
     """Columns that are zero at most samples."""
 
     values: csr_array  # (d n, k)
@@ -261,15 +268,6 @@ class Sparse(Columns):
         place = row.ravel(), np.repeat(column, d)
         return cls(csr_array((values.ravel(), place), shape=(n * d, len(functions))))
 
-    @property
-    def width(self) -> int:
-        """Number of columns."""
-        return int(self.values.shape[1])
-
-    def along(self, y: Array) -> Array:
-        """X' y, (k, j)."""
-        return np.asarray(self.values.T @ y)
-
     def inner(self) -> Array:
         """X' X, (k, k)."""
         return np.asarray((self.values.T @ self.values).toarray())
@@ -283,10 +281,6 @@ class Sparse(Columns):
             met = [self.through(m).values.T @ other.functions for m in each]
             return np.stack(met, axis=-1).reshape(self.width, other.width)
         return np.asarray(other.across(self).T)
-
-    def times(self, values: Array) -> Array:
-        """X v, (d n, j)."""
-        return np.asarray(self.values @ values)
 
     @property
     def dense(self) -> Array:

@@ -107,7 +107,7 @@ class Observation(ABC):
         """
 
     def left(self, at: Predictor, theta: Array, guess: Array | None = None) -> tuple[Array, Array]:
-        """Poses (n, k) and residuals (n, d) of `linearized`; kinds that need not derive do not."""
+        """Poses (n, k) and residuals (n, d) of `linearized`, if possible without derivatives."""
         linear = self.linearized(at, theta, guess)
         return linear.pose, linear.missed
 
