@@ -17,7 +17,7 @@ a pose. With poses, the orientation of the probe's mount adds three unknowns to 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -417,8 +417,10 @@ def solve(
         drawing = _search(problem, _Loss(bend), drawing, settled)
         made += drawing.evaluations
         loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
-    ends = [_search(problem, loss, begin, settled) for begin in starts]
-    made += sum(end.evaluations for end in ends)
+    ends: list[_State] = []
+    for begin in starts:
+        ends.append(_search(problem, loss, begin, settled, ends))
+        made += ends[-1].evaluations
     best = min(ends, key=lambda end: end.cost)
     return _solution(problem, replace(best, evaluations=made))
 
@@ -509,12 +511,15 @@ def _bend(residual: Array, numbers: Index | int) -> float:
     return _HUBER * max(1.0, typical)
 
 
-def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _State:
+def _search(
+    problem: Problem, loss: _Loss, begin: _State, settled: float, known: Sequence[_State] = ()
+) -> _State:
     """Levenberg-Marquardt; after every step all unknowns but the reflector's offset are refitted.
 
     The offset multiplies the platform's tilt: a step in both leaves a curved valley of the cost,
     along which plain steps converge slowly. With the others refitted at the new offset (variable
-    projection) a few steps suffice. Evaluations are counted anew.
+    projection) a few steps suffice. Evaluations are counted anew. The search ends where it
+    meets a minimum, or a step leads to one, that is already known under the same loss.
     """
     now = _under(problem, loss, begin)
     _require_reach(
@@ -530,6 +535,10 @@ def _search(problem: Problem, loss: _Loss, begin: _State, settled: float) -> _St
         step, promised = _step(now, every, damping)
         if promised <= _NOTHING * settled and damping <= _DAMPING:
             break
+        here = now.z, now.z + step
+        same = next((end for end in known for z in here if _is_at(end, z)), None)
+        if same is not None:
+            return replace(same, evaluations=now.evaluations)
         tried = _state(problem, now.z + step, loss, now.at.pose, now.evaluations)
         if in_two:
             tried = _settle(problem, tried, rest, loss, settled)
@@ -557,6 +566,12 @@ def _settle(problem: Problem, now: _State, moving: Mask, loss: _Loss, settled: f
         if gain <= settled:
             break
     return now
+
+
+def _is_at(end: _State, z: Array) -> bool:
+    """Whether unknowns z (F,) are less than a standard deviation from a minimum."""
+    off = z - end.z
+    return bool(off @ end.equations[0] @ off < 1.0)
 
 
 def _step(now: _State, moving: Mask, damping: float) -> tuple[Array, float]:
