@@ -15,7 +15,7 @@ import pytest
 pytest.importorskip("jinja2", reason="needs the extra [report]")
 
 from delta_calibration.cli.machine_demo import _shown
-from delta_calibration.cli.second_act import _shown as shown_live
+from delta_calibration.cli.second_cell import _shown as shown_live
 from delta_calibration.data import at_rest
 from delta_calibration.description.look import Look
 from delta_calibration.description.looks import LOOKS

@@ -76,6 +76,20 @@ def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
     assert rms(apart) < 2e-7
 
 
+def test_a_search_ends_at_a_minimum_that_is_known(problem):
+    """It does not descend once more to where another search has been; elsewhere it goes on."""
+    loss = _Loss(4.0)
+    begin = module._state(problem, away(problem, np.random.default_rng(4)), loss, None)
+    there = module._search(problem, loss, begin, module.SETTLED)
+    again = module._search(problem, loss, begin, module.SETTLED, [there])
+    assert again.cost == there.cost
+    assert again.evaluations < there.evaluations
+    far = replace(there, z=there.z + 3.0)  # as if the known minimum were another one
+    apart = module._search(problem, loss, begin, module.SETTLED, [far])
+    assert apart.cost == there.cost
+    assert apart.evaluations == there.evaluations
+
+
 def test_a_platform_that_cannot_rotate_has_one_minimum_of_the_offset():
     """Three spheres: the offset is the frame's, so that no other one is tried, from anywhere."""
     problem = problem_of(found(0)[1], "rotary_delta")

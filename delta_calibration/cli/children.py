@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from threading import Lock
 from types import FrameType
 
 from delta_calibration.errors import CalibrationError
@@ -31,6 +32,8 @@ class Children:
         self._environment = child_environment(domain_id, local_only=True)
         self._logs = logs
         self._running: dict[str, subprocess.Popen[bytes]] = {}
+        self._starting = Lock()  # a thread may start a child while this one stops them all
+        self._stopped = False
 
     def __enter__(self) -> Children:
         # Needed too if a shell started this process in the background with Ctrl-C ignored.
@@ -47,7 +50,7 @@ class Children:
         self, node: str, parameters: Mapping[str, object], remaps: Mapping[str, str] | None = None
     ) -> None:
         """Start a node that runs until `stop`."""
-        self._running[node] = self._popen(node, _ros_arguments(parameters, remaps or {}), node)
+        self._start(node, node, _ros_arguments(parameters, remaps or {}), node)
 
     def run(
         self, node: str, arguments: Sequence[str], timeout: float, log: str | None = None
@@ -58,8 +61,7 @@ class Children:
             CalibrationError: it failed or took too long, or a node that should be running has
             ended.
         """
-        child = self._popen(node, arguments, log or node, capture=True)
-        self._running[f"{node} (to its end)"] = child
+        child = self._start(f"{node} (to its end)", node, arguments, log or node, capture=True)
         deadline = time.monotonic() + timeout
         while child.poll() is None:
             self._require_running(except_=child)
@@ -68,8 +70,8 @@ class Children:
                     f"{node} did not end within {timeout:.0f} s; see {self._logs}"
                 )
             time.sleep(0.05)
-        del self._running[f"{node} (to its end)"]
-        output = child.stdout.read().decode() if child.stdout else ""
+        self._running.pop(f"{node} (to its end)", None)
+        output = (child.communicate()[0] or b"").decode()
         if child.returncode != 0:
             logged = (self._logs / f"{log or node}.log").read_text("utf-8", "replace")
             said = (output or logged).strip().splitlines() or ["it printed nothing"]
@@ -86,9 +88,11 @@ class Children:
         return self.run("trigger", arguments, timeout + 10.0)
 
     def stop(self) -> None:
-        """End every child by SIGINT, then SIGTERM, then SIGKILL."""
+        """End every child by SIGINT, then SIGTERM, then SIGKILL; no other starts after that."""
+        with self._starting:
+            self._stopped = True
         for order in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
-            for child in self._running.values():
+            for child in list(self._running.values()):
                 if child.poll() is None:
                     with contextlib.suppress(ProcessLookupError):
                         os.killpg(child.pid, order)
@@ -99,23 +103,31 @@ class Children:
     def _wait(self, seconds: float) -> bool:
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
-            if all(child.poll() is not None for child in self._running.values()):
+            if all(child.poll() is not None for child in list(self._running.values())):
                 return True
             time.sleep(0.02)
         return False
 
     def _require_running(self, except_: subprocess.Popen[bytes]) -> None:
-        for name, child in self._running.items():
+        for name, child in list(self._running.items()):
             if child is not except_ and child.poll() is not None:
                 raise CalibrationError(
                     f"{name} ended by itself with {child.returncode}; see {self._logs}"
                 )
 
-    def _popen(
-        self, node: str, arguments: Sequence[str], log: str, capture: bool = False
+    def _start(
+        self, name: str, node: str, arguments: Sequence[str], log: str, capture: bool = False
     ) -> subprocess.Popen[bytes]:
-        with (self._logs / f"{log}.log").open("ab") as file:
-            return subprocess.Popen(
+        """Start a child that is known as `name` from then on.
+
+        Raises:
+            CalibrationError: all have been stopped.
+        """
+        self._logs.mkdir(parents=True, exist_ok=True)
+        with self._starting, (self._logs / f"{log}.log").open("ab") as file:
+            if self._stopped:
+                raise CalibrationError(f"{node} was not started: all nodes have been stopped")
+            self._running[name] = child = subprocess.Popen(
                 [sys.executable, "-m", f"{_NODES}.{node}", *arguments],
                 env=self._environment,
                 stdin=subprocess.DEVNULL,
@@ -123,6 +135,7 @@ class Children:
                 stderr=file,
                 start_new_session=True,
             )
+        return child
 
 
 def _ros_arguments(parameters: Mapping[str, object], remaps: Mapping[str, str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import shutil
 import time
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
+from delta_calibration.cli import second_cell
 from delta_calibration.cli.diagnose import diagnosed
 from delta_calibration.cli.fit import describe
 from delta_calibration.cli.live_cell import (
@@ -28,7 +30,7 @@ from delta_calibration.cli.machine_demo import machine_demo
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import table, write_json
 from delta_calibration.cli.report import write
-from delta_calibration.cli.second_act import second_act
+from delta_calibration.cli.second_cell import Hidden
 from delta_calibration.compensation import require_method
 from delta_calibration.data import collect, survey
 from delta_calibration.errors import InputError
@@ -68,16 +70,17 @@ _PAPER_NAMES = ("max_mm", "mean_mm", "three_std_mm")
     "--draw",
     type=click.IntRange(min=0),
     default=None,
-    help="Seed of the cause that the second act hides in a live cell.  [default: from the clock]",
+    help="Seed of the cause that is hidden in the second live cell.  [default: from the clock]",
 )
 def command(robot_file: str, out: Path | None, seed: int, method: str, draw: int | None) -> None:
     """Show a complete calibration of a simulated cell.
 
-    With srbd, the Delta paper's kind of robot, the nodes are started as processes on this machine
-    (needs ROS 2). The workspace is measured and recorded, the machine is identified, compensation
-    is switched on, and the Delta paper's line and a disc are measured before and after. The
-    paper's own simulation follows. In a second act an error that no geometry explains is hidden in
-    the machine; the cell finds it, names it and measures the line again.
+    With srbd, the Delta paper's kind of robot, the nodes of two cells are started as processes on
+    this machine (needs ROS 2). In the first, the workspace is measured and recorded, the machine
+    is identified, compensation is switched on, and the Delta paper's line and a disc are measured
+    before and after. The paper's own simulation follows. In the second, which is measured at the
+    same time, an error that no geometry explains is hidden in the machine; the cell finds it,
+    names it and measures the line again.
 
     With any other robot (cdpr8, five_axis, linear_delta, scara, ur10) everything runs in this
     process, without ROS 2: the workspace is measured and recorded, the machine is identified and
@@ -117,20 +120,38 @@ def _with_nodes(robot_file: str, out: Path, seed: int, method: str, draw: int | 
     _clean(out)
     remove_dead_shared_memory()
     say = clock()
+    hidden = Hidden.of(robot, draw)
     files = out / "session", out / "calibration.yaml"
-    with LiveCell(robot_file, robot, *files, seed, method) as cell:
-        say(f"started the nodes on ROS domain {cell.domain}")
-        begun, captured = _first_act(cell, say)
-    say("reading the recorded session")
+    others = out / "session_2", out / "extended.yaml"
+    one = LiveCell(robot_file, robot, *files, seed, method)
+    other = LiveCell(robot_file, robot, *others, seed, method, (hidden.effect,), 1)
+    # the cells end before the thread that drives the second is waited for
+    with ThreadPoolExecutor(1) as aside, one, other:
+        say(
+            f"started two cells, on ROS domains {one.domain} and {other.domain}; an error that no "
+            "geometry explains is hidden in the second"
+        )
+        second = aside.submit(second_cell.measured, other, _told_of("second", say))
+        begun, captured = _measured(one, _told_of("first", say))
+        begun_2, captured_2 = second.result()
+        say("stopping the nodes")
+    say("reading the session of the first cell")
     summary = _evaluate(robot, out, seed, method, begun, captured)
-    second, captured = second_act(robot_file, robot, out, seed, method, say, draw)
-    write_json(out / "summary.json", {**summary, "second_act": second})
+    say("reading the session of the second cell")
+    repeat = f"delta-cal demo --robot {robot_file} --seed {seed} --method {method}"
+    told = second_cell.evaluated(robot, out, seed, hidden, begun_2, repeat)
+    write_json(out / "summary.json", {**summary, "second_act": told})
     click.echo(
         f"written: {out}/session, {out}/calibration.yaml, {out}/session_2, {out}/extended.yaml, "
         f"{out}/summary.json"
     )
-    say("writing the report of the second act")
-    _report(out, robot, captured)
+    say("writing the report of the second cell")
+    _report(out, robot, captured_2)
+
+
+def _told_of(cell: str, say: Say) -> Say:
+    """The same lines, with the cell that they tell of."""
+    return lambda text: say(f"{cell} cell: {text}")
 
 
 def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) -> None:
@@ -159,7 +180,7 @@ def _report(out: Path, robot: Robot, captured: tuple[int, int] | None = None) ->
     click.echo(f"open {out / 'report.html'} in a browser: the findings and their evidence")
 
 
-def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]:
+def _measured(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]:
     """Measure, fit, compensate, measure again.
 
     Returns:
@@ -182,7 +203,6 @@ def _first_act(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int
     for plan in ("line", "disc"):
         say(f"measuring the {plan} with compensation")
         cell.measure(f"{plan}_after", plan, False)
-    say("stopping the nodes")
     return cell.begun, captured
 
 

@@ -40,14 +40,18 @@ class LiveCell:
         seed: int,
         method: str,
         effects: tuple[str, ...] = (),
+        number: int = 0,
     ) -> None:
-        """A cell that records to `session`, writes `calibration` and hides `effects`."""
+        """A cell that records to `session`, writes `calibration` and hides `effects`.
+
+        `number`, 0 or 1, tells the ROS domains of two cells of this process apart.
+        """
         self._robot_file, self._robot = robot_file, robot
         self._session, self._calibration = session, calibration
         self._seed, self._method, self._effects = seed, method, effects
         self.begun: dict[str, int] = {}  # when each part began [ns]
-        self.domain = 1 + os.getpid() % 100
-        self._children = Children(self.domain, session.parent / "logs")
+        self.domain = 1 + 2 * (os.getpid() % 50) + number
+        self._children = Children(self.domain, session.parent / "logs" / session.name)
 
     def __enter__(self) -> LiveCell:
         self._children.__enter__()

@@ -409,17 +409,16 @@ def solve(
         loss, starts = _Loss(bend), [now]
         # the rounds may have led to the wrong local minimum
         if (start is None or everywhere) and _may_be_elsewhere(problem, now):
-            place = _likeliest_place(problem, loss, now, settled)
-            made += place.evaluations
-            starts += [first, place]
+            starts += [first, _likeliest_place(problem, loss, now, settled)]
+            made += starts[-1].evaluations
     else:  # gross errors may have done so, too
         drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
         drawing = _search(problem, _Loss(bend), drawing, settled)
         made += drawing.evaluations
         loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
     ends: list[_State] = []
-    for begin in starts:
-        ends.append(_search(problem, loss, begin, settled, ends))
+    for place in starts:
+        ends.append(_search(problem, loss, place, settled, ends))
         made += ends[-1].evaluations
     best = min(ends, key=lambda end: end.cost)
     return _solution(problem, replace(best, evaluations=made))
