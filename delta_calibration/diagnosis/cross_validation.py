@@ -7,8 +7,9 @@ is the share that it removes of the avoidable error: the error before, less the 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,10 @@ from delta_calibration.diagnosis.columns import Columns
 from delta_calibration.diagnosis.constants import LEARNABLE, PARTS, SURE_QUANTILE
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, change, most_likely
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
+_Result = TypeVar("_Result")
 
 _CELL = 0.05  # [m] edge of the cells of `scattered`
 _FLAT = 0.05  # share of its width below which a workspace, seen from above, is an upright plane
@@ -107,8 +110,8 @@ def learnable(
     whole = np.diag(evidence.information_of(columns))
     if len(np.unique(part)) < 2:
         return np.asarray(~(whole > 0))
-    every = _without_each(evidence, columns, part)
-    return np.asarray(np.all([_enough(known, whole) for _, _, known in every], axis=0))
+    every = _without_each(evidence, columns, part, lambda _, __, known: _enough(known, whole))
+    return np.asarray(np.all(every, axis=0))
 
 
 def _enough(known: Array, whole: Array) -> NDArray[np.bool_]:
@@ -126,12 +129,13 @@ def held_out(
         whole: the same including samples that the fits set aside, to be predicted as well.
     """
     square, misfit = np.full(len(evidence), np.nan), evidence.misfit
-    whole = evidence if whole is None else whole
-    for number in np.unique(part):
-        rows = np.flatnonzero(part == number)
-        if len(rows) < len(evidence):
-            missed = whole.take(rows).missed(evidence.but(rows).best(misfit))
-            square[rows] = np.sum(missed**2, axis=1)
+    predicted = evidence if whole is None else whole
+
+    def predict(rows: NDArray[np.int64]) -> None:
+        missed = predicted.take(rows).missed(evidence.but(rows).best(misfit))
+        square[rows] = np.sum(missed**2, axis=1)
+
+    mapped(predict, _each_of(part))
     return HeldOut(square, part)
 
 
@@ -161,12 +165,14 @@ def foretold(
     """
     information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
-    total = 0.0
-    for others, own, known in _without_each(evidence, columns, part):
+
+    def predicted(others: LinearizedModel, own: Columns, known: Array) -> float:
         along = _along(others, own)
         prior = np.where(_enough(known, np.diag(information)), PRECISION, precision)
         v = most_likely(known, along, *bounds, prior)
-        total += change(information, b, v) - change(known, along, v)
+        return change(information, b, v) - change(known, along, v)
+
+    total = sum(_without_each(evidence, columns, part, predicted))
     whole = change(information, b, value)
     return total / whole if whole > 0.0 else 0.0
 
@@ -176,21 +182,33 @@ def _along(evidence: LinearizedModel, columns: Columns) -> Array:
 
 
 def _without_each(
-    evidence: LinearizedModel, columns: Columns, part: NDArray[np.int64]
-) -> Iterator[tuple[LinearizedModel, Columns, Array]]:
-    """Yield, without each part in turn, the evidence, its columns and their information (k, k).
+    evidence: LinearizedModel,
+    columns: Columns,
+    part: NDArray[np.int64],
+    function: Callable[[LinearizedModel, Columns, Array], _Result],
+) -> list[_Result]:
+    """Results of a function without each part in turn.
 
-    The products of a part are subtracted from those of all samples, which are computed once.
+    It is given the evidence, its columns and their information (k, k). The products of a part are
+    subtracted from those of all samples, which are computed once.
     """
     inner, across = columns.inner(), evidence.possible.across(columns)
-    for number in np.unique(part):
-        rows, others = np.flatnonzero(part == number), np.flatnonzero(part != number)
-        if others.size:
-            held, known = (columns.part(own, evidence.coordinates) for own in (rows, others))
-            beside = evidence.possible.part(rows, evidence.coordinates)
-            left, shown = evidence.but(rows), across - beside.across(held)
-            seen = left.rest.seen_of(known)
-            yield left, known, left.left_of(inner - held.inner(), shown, seen)
+
+    def without(rows: NDArray[np.int64]) -> _Result:
+        others = np.delete(np.arange(len(part)), rows)
+        held, known = (columns.part(own, evidence.coordinates) for own in (rows, others))
+        beside = evidence.possible.part(rows, evidence.coordinates)
+        left, shown = evidence.but(rows), across - beside.across(held)
+        seen = left.rest.seen_of(known)
+        return function(left, known, left.left_of(inner - held.inner(), shown, seen))
+
+    return mapped(without, _each_of(part))
+
+
+def _each_of(part: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """The samples of each part; none if there is only one part."""
+    numbers = np.unique(part)
+    return [np.flatnonzero(part == number) for number in numbers] if len(numbers) > 1 else []
 
 
 def gain(

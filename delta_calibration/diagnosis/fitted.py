@@ -34,6 +34,7 @@ from delta_calibration.effects import Effect, Interval
 from delta_calibration.estimation import Population, Problem, placing, registered
 from delta_calibration.lazy import cached_property
 from delta_calibration.theta import Layout, entries
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -272,7 +273,8 @@ class Fitted(ABC):
         Only shapes that refining the term's own cannot reach. They are compared about this fit:
         when the term's shape was chosen, other terms were not in the model yet.
         """
-        every, terms = ((i, self._other_shape(i)) for i in range(len(self.terms))), self.terms
+        terms = self.terms
+        every = enumerate(mapped(self._other_shape, range(len(terms))))
         return tuple(
             (*terms[:i], other, *terms[i + 1 :]) for i, other in every if other is not None
         )

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, cast
 
@@ -111,11 +112,11 @@ def likely_laws(
     guesses = _finer(screen, list(Grammar(robot, evidence, signals).laws()))
     if not guesses or guesses[0].case.log_bayes < LAW_SHOWS:
         return ()
-    mapped = _best_map(evidence, effect, rng)
+    nameless = _best_map(evidence, effect, rng)
     classes = _classes(screen, guesses)
-    top = max(guesses[0].log_p, mapped, 0.0)
+    top = max(guesses[0].log_p, nameless, 0.0)
     weights = [np.exp((own[0].log_p - top) / TEMPER) for own in classes]
-    total = sum(weights) + sum(np.exp((other - top) / TEMPER) for other in (mapped, 0.0))
+    total = sum(weights) + sum(np.exp((other - top) / TEMPER) for other in (nameless, 0.0))
     found = []
     for own, weight in zip(classes, weights, strict=True):
         probability = COMPLETE * float(weight / total)
@@ -178,9 +179,9 @@ def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
     for guess in sorted(guesses, key=lambda one: -one.log_p):
         best.setdefault(_family(guess.parts[0]), guess)
     chosen = list(best.values())
-    finer = [_sharper(screen, guess) for guess in chosen[:_FINER]]
+    finer = mapped(partial(_sharper, screen), chosen[:_FINER])
     finer.sort(key=lambda one: -one.log_p)
-    apart = [_apart(screen, guess, priors) for guess in finer[:_APART]]
+    apart = mapped(lambda guess: _apart(screen, guess, priors), finer[:_APART])
     return sorted((*finer, *(a for a in apart if a), *chosen[_FINER:]), key=lambda g: -g.log_p)
 
 
