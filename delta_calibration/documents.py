@@ -260,9 +260,11 @@ def _explain(error: ValidationError) -> str:
         case "const":
             return f"{at}{found!r} is not allowed; it must be {rule!r}"
         case "type":
-            number = rule == "string" and isinstance(found, int | float)
+            kinds = [rule] if isinstance(rule, str) else list(rule)
+            number = "string" in kinds and isinstance(found, int | float)
             quoted = "; put it in quotes" if number else ""
-            return f"{at}{found!r} is not allowed; {_KINDS.get(rule, rule)} is expected{quoted}"
+            expected = " or ".join(_KINDS[kind] for kind in kinds)
+            return f"{at}{found!r} is not allowed; {expected} is expected{quoted}"
         case "minimum" | "exclusiveMinimum" | "maximum" | "exclusiveMaximum":
             bound = _BOUNDS[str(error.validator)]
             return f"{at}{found!r} is not allowed; {bound} {rule:g} is expected"
@@ -296,6 +298,7 @@ _KINDS = {
     "number": "a number",
     "integer": "a whole number",
     "boolean": "true or false",
+    "null": "null",
 }
 
 

@@ -11,9 +11,11 @@ import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from secrets import token_hex
 
 from delta_calibration.errors import InputError
 
+_LONGEST = 200  # characters of a name that its temporary file repeats
 MEGABYTE = 1 << 20
 MOST_TEXT = 256 * MEGABYTE  # largest table: a million lines take 100 megabytes
 
@@ -39,7 +41,9 @@ def written_whole(
 ) -> Iterator[Path]:
     """Write a file atomically: yield a temporary file, which then replaces the wanted one.
 
-    If writing fails, the temporary file is removed and the wanted one is left as it was.
+    If writing fails, the temporary file is removed and the wanted one is left as it was. Of a
+    link, the file at its end is written. Two processes that write the same file do not disturb
+    each other: the last to finish is right.
 
     Args:
         path: the wanted file.
@@ -49,15 +53,21 @@ def written_whole(
     Raises:
         InputError: (or the `kind` of it) the file cannot be written.
     """
-    beside = path.with_name(f".{path.name}.part")
-    with suppress(OSError):  # left by an interrupted write; never write to a link or a pipe
-        beside.unlink()
+    try:
+        place = Path(os.path.realpath(path)) if path.is_symlink() else path
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a pipe, a device or a socket"
+            raise kind(f"{path}: cannot be written: is {what}")
+    except OSError as error:
+        raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
+    # a name that nothing else has: not even a link can wait there
+    beside = place.with_name(f".{place.name[:_LONGEST]}.{token_hex(4)}.part")
     try:
         yield beside
         if lasting:
             with beside.open("rb") as file:
                 os.fsync(file.fileno())
-        beside.replace(path)
+        beside.replace(place)
     except OSError as error:
         raise kind(f"{path}: cannot be written: {error.strerror or error}") from error
     finally:

@@ -109,7 +109,7 @@ def test_aliases_that_stand_for_millions_are_refused() -> None:
 def test_what_lies_where_a_file_is_written_first_is_not_written_to(
     tmp_path: Path, kind: str
 ) -> None:
-    """Earlier, a link there was written through, and a pipe was waited for."""
+    """Earlier, a link there was written through, and a pipe was waited for; it stays as it is."""
     other, wanted = tmp_path / "other", tmp_path / "c.yaml"
     other.write_text(SECRET)
     beside = tmp_path / ".c.yaml.part"
@@ -118,7 +118,7 @@ def test_what_lies_where_a_file_is_written_first_is_not_written_to(
     assert other.read_text() == SECRET
     assert wanted.is_file()
     assert not wanted.is_symlink()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "other"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [".c.yaml.part", "c.yaml", "other"]
 
 
 # --- nodes

@@ -104,6 +104,16 @@ def test_json_lies_beside_and_follows_its_schema(cell: Path) -> None:
     assert after.max() < 2 * told["certified"]["u95_largest_mm"]
 
 
+def test_a_file_that_was_not_named_is_kept(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The JSON beside a page replaces an earlier certificate only."""
+    (cell / "june.json").write_text('{"findings": []}')
+    assert run(certify(cell, None, "june.html")) == 2
+    assert "june.json: the certificate's JSON would replace this file" in capsys.readouterr().err
+    assert (cell / "june.json").read_text() == '{"findings": []}'
+    assert not (cell / "june.html").exists()
+    assert [run(certify(cell, None, "july.pdf")) for _ in range(2)] == [0, 0]
+
+
 def test_the_budget_holds_what_was_stated(cell: Path) -> None:
     parts = {part["name"]: part for part in content(cell / "c.json")["budget"]}
     np.testing.assert_allclose(parts["reflector"]["corrected_um"], 1.5)

@@ -110,6 +110,17 @@ def test_what_is_no_verdict_is_refused(text: str, said: str, tmp_path: Path) -> 
         read_verdict(path)
 
 
+def test_a_value_that_is_a_text_is_named(verdicts: list[Path], tmp_path: Path) -> None:
+    """Some values may be a number or null; an error names both."""
+    data = json.loads(verdicts[0].read_text())
+    data["baseline"]["held_out_rms_mm"] = "0.1"
+    path = tmp_path / "odd.json"
+    path.write_text(json.dumps(data))
+    said = r"odd\.json: baseline\.held_out_rms_mm: '0\.1' is not allowed; a number or null"
+    with pytest.raises(InputError, match=said):
+        read_verdict(path)
+
+
 def test_drift_of_verdicts_shows_the_grown_play(verdicts: list[Path]) -> None:
     made = drift_of_verdicts([read_verdict(path) for path in verdicts])
     values = next(f for f in made.figures() if f.name.startswith("values_"))

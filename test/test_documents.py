@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import re
 import time
+from contextlib import ExitStack
 
 import pytest
 
+from delta_calibration import files
 from delta_calibration.documents import content_hash, read_document, write_document
 from delta_calibration.errors import ConfigError
 from delta_calibration.files import written_whole
@@ -150,14 +152,51 @@ def test_written_is_read_again_and_nothing_else_is_left(tmp_path):
     assert sorted(os.listdir(tmp_path)) == ["again.yaml", "cell.yaml"]
 
 
-def test_a_failed_write_leaves_the_old_file(tmp_path):
+def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     path = written(tmp_path, TEXT)
-    (tmp_path / ".cell.yaml.part").mkdir()  # the temporary file cannot be made, even by root
+    monkeypatch.setattr(files, "token_hex", lambda _: "ab")
+    (tmp_path / ".cell.yaml.ab.part").mkdir()  # no temporary file can be made, even by root
     with pytest.raises(ConfigError, match=r"cell\.yaml: cannot be written: "):
         write_document(path, {"a": 1})
     assert path.read_text(encoding="utf-8") == TEXT
     with pytest.raises(ConfigError, match=r"none/a\.yaml: cannot be written: No such file"):
         write_document(tmp_path / "none" / "a.yaml", {"a": 1})
+
+
+def test_a_link_is_kept_and_the_file_at_its_end_is_written(tmp_path):
+    link, real = tmp_path / "link.yaml", tmp_path / "real.yaml"
+    link.symlink_to(real)  # nothing is there yet
+    for value in (1, 2):
+        write_document(link, {"a": value})
+        assert link.is_symlink()
+        assert real.read_text(encoding="utf-8") == f"{{a: {value}}}\n"
+
+
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path):
+    pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    with pytest.raises(ConfigError, match="pipe: cannot be written: is a pipe, a device"):
+        write_document(pipe, {"a": 1})
+    with pytest.raises(ConfigError, match="folder: cannot be written: is a folder"):
+        write_document(folder, {"a": 1})
+    assert pipe.is_fifo()
+
+
+def test_two_that_write_the_same_file_do_not_mix(tmp_path):
+    """The file always holds all that one of them wrote, however they overlap."""
+    path, one, other = tmp_path / "c.yaml", ExitStack(), ExitStack()
+    first = one.enter_context(written_whole(path))
+    first.write_text("one")
+    second = other.enter_context(written_whole(path)).open("w")
+    second.write("ot")
+    second.flush()
+    one.close()
+    assert path.read_text() == "one"
+    second.write("her")
+    second.close()
+    other.close()
+    assert path.read_text() == "other"
 
 
 def test_a_huge_file_is_refused_before_it_is_parsed(tmp_path):

@@ -317,6 +317,10 @@ def test_a_plan_adds_to_a_session_or_goes_by_a_calibration(tmp_path, capsys):
         (["--name", "spiral"], "no plan 'spiral'; there are: line, "),
         (["--separate", "rust", "geometry"], "no cause 'rust'; there are: tracker_scale, "),
         (["--separate", "backlash", "play"], "no cause 'play'; there are: "),
+        (["--separate", "cable_sag", "backlash"], "no cause 'cable_sag'; there are: "),
+        (["--separate", "encoder_interpolation", "backlash"], "no cause 'encoder_interpolation'"),
+        (["--separate", "backlash", "slider_pitch"], "no cause 'slider_pitch'; there are: "),
+        (["--name", "line", "--payload-kg", "9"], "--payload-kg is for --name rich and --separat"),
         (["--separate", "backlash", "backlash"], "'backlash' cannot be distinguished from itself"),
         (["--identify", "--from", "x"], "--from and --calibration are for --separate"),
         (

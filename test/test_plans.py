@@ -208,3 +208,12 @@ def test_wrong_use_is_refused(tmp_path):
     for count in (0, -3):
         with pytest.raises(InputError, match=f"count is {count}; it has to be at least 1"):
             make_plan("line", ROBOT, count=count)
+
+
+def test_a_file_lists_its_stops(tmp_path):
+    """A count that is given with it would be ignored."""
+    path = tmp_path / "p.csv"
+    path.write_text("x_mm,y_mm,z_mm\n0,0,-750\n")
+    assert len(make_plan(str(path), ROBOT)) == 2
+    with pytest.raises(InputError, match=r"p\.csv: the file lists its stops; a count of 9"):
+        make_plan(str(path), ROBOT, count=9)

@@ -99,6 +99,18 @@ def test_stamps_are_those_of_the_headers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read.states.stamp_ns, START_NS + MS * np.arange(3))
 
 
+def test_readings_that_no_machine_gives_are_kept_out_and_counted(tmp_path: Path) -> None:
+    """Their squares would overflow."""
+    session = make_session(np.random.default_rng(15), 60)
+    assert session.states is not None
+    session.states.position[[7, 9], 2] = 1e200, -1e10
+    write_session(tmp_path / "s", session)
+    read = read_session(tmp_path / "s")
+    assert read.states is not None
+    assert len(read.states.stamp_ns) == 58
+    assert "/joint_states: 2 readings beyond 1e+09 were left out" in read.notes
+
+
 def test_readings_that_are_not_finite_are_kept_out_and_counted(tmp_path: Path) -> None:
     session = make_session(np.random.default_rng(15), 60)
     assert session.tracker is not None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +22,11 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Session, collect
 from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.estimation import identify
+from delta_calibration.files import read_bounded
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Certificate,
@@ -45,13 +49,13 @@ PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")
 
 
-@click.command("certificate")
+@verb("certificate")
 @SESSION
 @robot_option
 @click.option(
     "--out",
     "outs",
-    type=PATH,
+    type=OUTPUT,
     multiple=True,
     required=True,
     help="File to write; its ending selects the format: .html, .pdf, .json or .xml (a Digital "
@@ -134,6 +138,8 @@ def command(
         require_folder(out)
         if out.suffix not in _KINDS:
             raise InputError(f"--out {out}: the ending selects the format: {', '.join(_KINDS)}")
+    for beside in {out.with_suffix(".json") for out in outs} - {*outs}:
+        _require_certificate(beside)
     if any(out.suffix == ".html" for out in outs):
         require_libraries()
     stated = read_about(about, _by_path(given))
@@ -151,6 +157,27 @@ def command(
     certificate = Certificate(examined, stated, source)
     _write(certificate, outs, dcc_schema)
     _require_passed(certificate, session)
+
+
+def _require_certificate(path: Path) -> None:
+    """Refuse to replace a JSON file that is no certificate: only the page beside it was named.
+
+    Raises:
+        InputError: it is another file.
+    """
+    if path.exists() and not {"decision_rule", "dimensions"} <= {*_keys(path)}:
+        raise InputError(
+            f"{path}: the certificate's JSON would replace this file, which is no certificate; "
+            "choose another name for --out"
+        )
+
+
+def _keys(path: Path) -> Iterable[str]:
+    try:
+        found = json.loads(read_bounded(path))
+    except ValueError:
+        return ()
+    return found if isinstance(found, dict) else ()
 
 
 def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:

@@ -14,6 +14,7 @@ from delta_calibration.cli.options import (
     topics_option,
     write_json,
 )
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Session
 from delta_calibration.doctor import Checked, Mistake, check, examine
 from delta_calibration.documents import write_document
@@ -22,19 +23,19 @@ from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
 
 
-@click.command("check")
+@verb("check")
 @SESSION
 @robot_option
 @click.option(
     "--json",
     "json_file",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     help="JSON file to write with the mistakes that were found.",
 )
 @click.option(
     "--fix",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     metavar="OUT",
     help="Folder to write the corrected session to; a corrected robot file is written beside it.",

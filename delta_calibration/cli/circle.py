@@ -35,6 +35,7 @@ from delta_calibration.cli.options import (
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT, OUTPUT_OR_PRINTED, verb
 from delta_calibration.data import survey
 from delta_calibration.errors import InputError
 from delta_calibration.files import read_bounded
@@ -49,18 +50,18 @@ from delta_calibration.report import (
 from delta_calibration.report.circles import advice, called
 from delta_calibration.robot import Robot, load_robot
 
-_FILE = click.Path(path_type=Path)
 _UM = 1e6
 PRINTED = "-"  # instead of a file name: to standard output
 _BALLBAR = 1.0  # [um]
 
 
-@click.command("circle")
+@verb("circle")
 @SESSION
 @robot_option
 @click.option(
     "--json",
     "json_file",
+    type=OUTPUT_OR_PRINTED,
     is_flag=False,
     flag_value=PRINTED,
     default=None,
@@ -70,7 +71,7 @@ _BALLBAR = 1.0  # [um]
 @click.option(
     "--report",
     "report_file",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="HTML page to write, with magnified polar plots; it opens offline.",
 )

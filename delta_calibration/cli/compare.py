@@ -14,6 +14,7 @@ from delta_calibration.cli.options import (
     table,
 )
 from delta_calibration.cli.report import PATH, write
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.errors import InputError
 from delta_calibration.report import (
     GLOSSARY,
@@ -29,7 +30,7 @@ from delta_calibration.robot import load_robot
 KINDS = (".yaml", ".yml", ".json")
 
 
-@click.command("compare")
+@verb("compare")
 @click.argument("files", nargs=-1, required=True, type=PATH)
 @click.option(
     "--robot",
@@ -38,7 +39,7 @@ KINDS = (".yaml", ".yml", ".json")
     metavar="FILE|NAME",
     help="Robot of the calibrations; not needed for verdicts.",
 )
-@click.option("--out", type=PATH, default=None, help="HTML page to write; it opens offline.")
+@click.option("--out", type=OUTPUT, default=None, help="HTML page to write; it opens offline.")
 @figures_option
 @numbers_option
 def command(

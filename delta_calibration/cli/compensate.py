@@ -21,6 +21,7 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.tables import TableOptions, table_options
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.commands import (
     UNREACHED,
     Commands,
@@ -50,7 +51,7 @@ REFUSE, NOMINAL, BLEND = "refuse", "nominal", "blend"
 OUTSIDE = (BLEND, NOMINAL, REFUSE)
 
 
-@click.command("compensate")
+@verb("compensate")
 @robot_option
 @calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(
@@ -61,7 +62,7 @@ OUTSIDE = (BLEND, NOMINAL, REFUSE)
     "searched]",
 )
 @click.argument("targets", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
+@click.option("--out", type=OUTPUT, required=True, help="CSV file to write.")
 @click.option(
     "--payload",
     type=MASS,

@@ -28,6 +28,7 @@ from delta_calibration.cli.options import (
     write_text,
 )
 from delta_calibration.cli.priors import population_in, priors_option
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import (
     STEPS,
@@ -45,34 +46,33 @@ from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import listed, measured, mm, plain, sure
 
-_FILE = click.Path(path_type=Path)
 _VALUES = 16  # values of a cause that are listed at most, the clearest ones
 
 
-@click.command("diagnose")
+@verb("diagnose")
 @SESSION
 @robot_option
 @in_force_option
 @click.option(
-    "--json", "json_file", type=_FILE, default=None, help="JSON file to write the verdict to."
+    "--json", "json_file", type=OUTPUT, default=None, help="JSON file to write the verdict to."
 )
 @click.option(
     "--out",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="Calibration file to write, including the effects that were found.",
 )
 @click.option(
     "--report",
     "report_file",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="HTML page to write; it opens offline.",
 )
 @click.option(
     "--law",
     "law_file",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="Python file to write (FILE.py): the most likely equation of an unexplained error, as "
     "an effect of your own.",

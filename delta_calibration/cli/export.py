@@ -17,6 +17,7 @@ from delta_calibration.cli.options import (
     write_text,
 )
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.commands import warmth_by_part
 from delta_calibration.compensation import JointCompensator
 from delta_calibration.description import describe, urdf
@@ -31,7 +32,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)  # identifier in C
 _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # file name that a C source can include
 
 
-@click.command("export")
+@verb("export")
 @robot_option
 @calibration_option("Calibration file of this robot, from `fit` or `diagnose`.", required=True)
 @click.option(
@@ -70,7 +71,7 @@ _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # file name that a C source can include
     metavar="NAME_",
     help="For --format c: prefix of every public name, so that one program can hold two machines.",
 )
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+@click.option("--out", type=OUTPUT, required=True, help="File to write.")
 def command(
     robot_file: str,
     calibration_file: Path,

@@ -31,6 +31,7 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.cli.priors import population_in, priors_option
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Poses, collect, survey
 from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
@@ -46,14 +47,12 @@ _SHOWN = 5  # items of a long list that are shown without -v
 _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawing to be listed
 
 
-@click.command("fit")
+@verb("fit")
 @SESSION
 @robot_or_machine_option
 @known_machine_option("the results of its earlier sessions are used.")
 @store_option
-@click.option(
-    "--out", type=click.Path(path_type=Path), default=None, help="Calibration file to write."
-)
+@click.option("--out", type=OUTPUT, default=None, help="Calibration file to write.")
 @click.option(
     "--method",
     type=click.Choice(METHODS),

@@ -12,6 +12,7 @@ import click
 from delta_calibration.cli.fleet_told import Told, priors_told
 from delta_calibration.cli.kept import store_option
 from delta_calibration.cli.options import require_folder, robots, seed_option, topics_option
+from delta_calibration.cli.verb import OUTPUT, VerbGroup
 from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError, InputError
 from delta_calibration.fleet.evidence import fitted
@@ -27,11 +28,10 @@ from delta_calibration.wording import plain
 if TYPE_CHECKING:  # other verbs need not load a cluster's library
     from delta_calibration.fleet.places import Machine
 
-_FILE = click.Path(path_type=Path)
 _LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
 
 
-class _Verbs(click.Group):
+class _Verbs(VerbGroup):
     """Group that calls `run` if the first argument is not a verb."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -151,7 +151,7 @@ def _machines(
 
 @command.command("report")
 @store_option
-@click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
+@click.option("--out", type=OUTPUT, required=True, help="HTML page to write; it opens offline.")
 @click.option(
     "--on",
     "day",
@@ -200,7 +200,7 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     shell_complete=robots,
     help="Robot of the machines, needed if the history contains several.",
 )
-@click.option("--out", type=_FILE, required=True, help="File of priors (YAML) to write.")
+@click.option("--out", type=OUTPUT, required=True, help="File of priors (YAML) to write.")
 def priors(url: str, robot_given: str | None, out: Path) -> None:
     """Estimate the dimensions that machines of one type have in common, as priors for the next.
 

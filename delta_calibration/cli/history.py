@@ -21,6 +21,7 @@ from delta_calibration.cli.options import (
     topics_option,
     write_text,
 )
+from delta_calibration.cli.verb import OUTPUT, OUTPUT_OR_PRINTED, VerbGroup
 from delta_calibration.data import Survey, survey
 from delta_calibration.errors import InputError
 from delta_calibration.history import History, find_changes
@@ -38,7 +39,7 @@ _FILE = click.Path(path_type=Path)
 _MACHINE = click.option("--machine", required=True, metavar="NAME", help="Name of the machine.")
 
 
-@click.group("history")
+@click.group("history", cls=VerbGroup)
 def command() -> None:
     """Keep the sessions of a machine together and report what changed between them.
 
@@ -198,7 +199,7 @@ def list_(machine: str | None, url: str) -> None:
 @click.option(
     "--verdict",
     "verdict_file",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="JSON file to write its verdict to.",
 )
@@ -235,6 +236,7 @@ def show(name: str, machine: str, url: str, verdict_file: Path | None) -> None:
 @click.option(
     "--json",
     "json_file",
+    type=OUTPUT_OR_PRINTED,
     default=None,
     is_flag=False,
     flag_value="-",
@@ -263,7 +265,7 @@ def changes(machine: str, url: str, json_file: str | None) -> None:
 @command.command("report")
 @_MACHINE
 @store_option
-@click.option("--out", type=_FILE, required=True, help="HTML page to write; it opens offline.")
+@click.option("--out", type=OUTPUT, required=True, help="HTML page to write; it opens offline.")
 def report(machine: str, url: str, out: Path) -> None:
     """Write the change log of a machine as one HTML page."""
     require_folder(out)

@@ -14,6 +14,7 @@ from delta_calibration import __version__
 from delta_calibration.cli.options import robot_option, write_json
 from delta_calibration.cli.options import table as columns_of
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.documents import write_document
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.files import read_bounded
@@ -38,7 +39,7 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
         context.exit()
 
 
-@click.command("import")
+@verb("import")
 @click.argument("table", type=_FILE)
 @click.option(
     "--mapping",
@@ -104,17 +105,17 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     help="Unit of the points, with --preset.",
 )
 @click.option(
-    "--mapping-out", type=_FILE, default=None, help="Write the mapping to this YAML file."
+    "--mapping-out", type=OUTPUT, default=None, help="Write the mapping to this YAML file."
 )
 @click.option(
     "--json",
     "json_file",
-    type=_FILE,
+    type=OUTPUT,
     default=None,
     help="Write what --guess proposes to this JSON file: mapping, first rows, what is in doubt.",
 )
 @robot_option
-@click.option("--out", type=_FILE, default=None, help="Folder of the session to write.")
+@click.option("--out", type=OUTPUT, default=None, help="Folder of the session to write.")
 def command(
     table: Path,
     mapping_file: Path | None,
@@ -147,6 +148,8 @@ def command(
     _require_something(out, mapping_out, guess)
     if json_file is not None and not guess:
         raise InputError("--json needs --guess: the file contains what --guess proposes")
+    if unit is not None and preset is None:
+        raise InputError("--unit needs --preset: a mapping states the unit of each column")
     with TemporaryDirectory() as folder:
         if mapping_file is None:
             mapping_file = mapping_out or Path(folder) / "mapping.yaml"

@@ -17,6 +17,7 @@ from delta_calibration.cli.options import (
     topics_option,
     write_json,
 )
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import collect, match
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD
 from delta_calibration.recording import Topics, read_session
@@ -25,7 +26,7 @@ from delta_calibration.robot import load_robot
 _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 
 
-@click.command("iso9283")
+@verb("iso9283")
 @SESSION
 @robot_option
 @calibration_option(
@@ -42,7 +43,7 @@ _CONDITIONS = {"standard": STANDARD, "delta_paper": DELTA_PAPER}
 @click.option(
     "--json",
     "json_file",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     help="JSON file to write.",
 )

@@ -28,6 +28,7 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.constants import SAME
@@ -44,9 +45,10 @@ from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot
 
 _STOPS = 20  # of --separate, if --count is not given
+_PAYLOAD = 2.0  # [kg]
 
 
-@click.command("plan")
+@verb("plan")
 @robot_or_machine_option
 @click.option(
     "--name",
@@ -96,9 +98,9 @@ _STOPS = 20  # of --separate, if --count is not given
 @click.option(
     "--payload-kg",
     type=Quantity(0, 100_000, above=True),
-    default=2.0,
-    show_default=True,
-    help="Largest load that can be put on the platform, for rich and --separate.",
+    default=None,
+    help=f"Largest load that can be put on the platform, for rich and --separate "
+    f"({_PAYLOAD:g} by default).",
 )
 @click.option(
     "--radius-mm",
@@ -108,7 +110,7 @@ _STOPS = 20  # of --separate, if --count is not given
 )
 @seed_option
 @topics_option
-@click.option("--out", type=click.Path(path_type=Path), required=True, help="CSV file to write.")
+@click.option("--out", type=OUTPUT, required=True, help="CSV file to write.")
 def command(
     robot_file: str | None,
     name: str | None,
@@ -120,7 +122,7 @@ def command(
     session: Path | None,
     calibration_file: Path | None,
     count: int | None,
-    payload_kg: float,
+    payload_kg: float | None,
     radius_mm: float | None,
     seed: int,
     topics: tuple[str, ...],
@@ -150,6 +152,9 @@ def command(
         raise InputError("--from and --calibration exclude each other; give one")
     if name is not None and radius_mm is not None:
         raise InputError("--radius-mm is for --identify, --update and --separate")
+    if payload_kg is not None and name != "rich" and separate is None:
+        raise InputError("--payload-kg is for --name rich and --separate")
+    payload = _PAYLOAD if payload_kg is None else payload_kg
     require_folder(out)
     robot = robot_given(robot_file, machine, url)
     radius = None if radius_mm is None else 1e-3 * radius_mm
@@ -160,7 +165,7 @@ def command(
             count or _STOPS,
             session=None if session is None else _measured(session, robot, topics),
             known=None if calibration_file is None else _known(calibration_file, robot),
-            payload=payload_kg,
+            payload=payload,
             radius=radius,
             seed=seed,
             follow=_bar,
@@ -175,7 +180,7 @@ def command(
         best = optimal_plan(robot, count or PLACES, radius=radius, seed=seed, follow=_bar)
         plan, said = best.plan, describe_optimal(best, robot)
     else:
-        load = payload_kg if name == "rich" else 0.0
+        load = payload if name == "rich" else 0.0
         plan, said = make_plan(name or "", robot, count=count, payload=load, seed=seed), ""
     if said:
         click.echo(said)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.cli.options import table, write_text
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.estimation.measurements import (
     DistanceBetween,
     HeightAtContact,
@@ -33,7 +34,7 @@ Array = NDArray[np.float64]
 _MM = 1e3
 
 
-@click.command("printer")
+@verb("printer")
 @click.argument("config", type=click.Path(path_type=Path))
 @click.option(
     "--noise-um",
@@ -47,7 +48,7 @@ _MM = 1e3
     is_flag=True,
     help="Use the measurements alone, without the usual tolerances of a printer kit.",
 )
-@click.option("--out", type=click.Path(path_type=Path), help="File to write the new entries to.")
+@click.option("--out", type=OUTPUT, help="File to write the new entries to.")
 def command(config: Path, noise_um: float, data_alone: bool, out: Path | None) -> None:
     """Identify the dimensions of a Delta printer from CONFIG, its Klipper printer.cfg.
 

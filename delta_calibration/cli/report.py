@@ -22,6 +22,7 @@ from delta_calibration.cli.options import (
     seed_option,
     topics_option,
 )
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import survey
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
@@ -36,10 +37,10 @@ from delta_calibration.robot import load_robot
 PATH = click.Path(path_type=Path)
 
 
-@click.command("report")
+@verb("report")
 @SESSION
 @robot_option
-@click.option("--out", type=PATH, required=True, help="HTML page to write; it opens offline.")
+@click.option("--out", type=OUTPUT, required=True, help="HTML page to write; it opens offline.")
 @in_force_option
 @click.option(
     "--iso9283",

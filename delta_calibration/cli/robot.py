@@ -12,6 +12,7 @@ import click
 import numpy as np
 
 from delta_calibration.cli.options import require_folder, robots, write_or_print, write_text
+from delta_calibration.cli.verb import OUTPUT, VerbGroup
 from delta_calibration.drafting import (
     OFFERED,
     Entry,
@@ -32,7 +33,7 @@ from delta_calibration.plans.box import largest_box, written
 from delta_calibration.robot import Robot, load_robot, robot_document, robot_from
 
 ROBOT = click.argument("robot_file", metavar="FILE|NAME", shell_complete=robots)
-OUT = click.option("--out", type=click.Path(path_type=Path), required=True, help="File to write.")
+OUT = click.option("--out", type=OUTPUT, required=True, help="File to write.")
 PER_JOINT = {  # lists that have a value for each joint
     ("joints", key)
     for key in ("lower_deg", "upper_deg", "lower_mm", "upper_mm", "sign", "zero_deg", "zero_mm")
@@ -49,7 +50,7 @@ class UnansweredError(InputError):
     """A question that was not answered."""
 
 
-@click.group("robot")
+@click.group("robot", cls=VerbGroup)
 def command() -> None:
     """Write, check and draw the file that describes a robot."""
 
@@ -189,7 +190,7 @@ def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: st
 @command.command("reference", short_help="write a reference page of all entries")
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     help="File to write; printed if not given.",
 )

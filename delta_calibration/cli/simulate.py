@@ -10,6 +10,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT
 from delta_calibration.data import collect
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
@@ -141,9 +142,7 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     help="Day on which the same machine is measured: tracker and reflector are set up again and "
     "the noise is new.",
 )
-@click.option(
-    "--out", type=click.Path(path_type=Path), required=True, help="Folder of the session to write."
-)
+@click.option("--out", type=OUTPUT, required=True, help="Folder of the session to write.")
 def command(
     robot_file: str,
     effects: tuple[str, ...],

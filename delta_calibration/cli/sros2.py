@@ -8,9 +8,10 @@ import click
 
 from delta_calibration.access import policy, rights
 from delta_calibration.cli.options import write_or_print
+from delta_calibration.cli.verb import OUTPUT, verb
 
 
-@click.command("sros2")
+@verb("sros2")
 @click.option("--policy", "_", is_flag=True, help="Write the policy (XML, format 0.2.0).")
 @click.option("--namespace", default="/", show_default=True, help="ROS namespace of the nodes.")
 @click.option(
@@ -32,7 +33,7 @@ from delta_calibration.cli.options import write_or_print
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     help="File to write; printed if not given.",
 )

@@ -12,6 +12,7 @@ import click
 from delta_calibration.calibration import Calibration
 from delta_calibration.cli.options import progress, require_folder
 from delta_calibration.cli.quantity import Quantity
+from delta_calibration.cli.verb import OUTPUT
 from delta_calibration.compensation import (
     SOLVERS,
     TABLE,
@@ -94,7 +95,7 @@ def table_options(function: Function) -> Function:
         click.option(
             "--table",
             "table_file",
-            type=click.Path(path_type=Path),
+            type=OUTPUT,
             default=None,
             help="File for --method table: read if it exists, otherwise computed and written.",
         ),

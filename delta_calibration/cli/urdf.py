@@ -8,11 +8,12 @@ import click
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.options import robot_option, write_or_print
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.description import describe, urdf
 from delta_calibration.robot import load_robot
 
 
-@click.command("urdf")
+@verb("urdf")
 @robot_option
 @click.option(
     "--calibration",
@@ -27,7 +28,7 @@ from delta_calibration.robot import load_robot
 )
 @click.option(
     "--out",
-    type=click.Path(path_type=Path),
+    type=OUTPUT,
     default=None,
     help="File to write; printed if not given.",
 )

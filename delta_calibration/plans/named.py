@@ -62,6 +62,11 @@ def make_plan(
     sides = (1.0, -1.0) if both_sides else (1.0,)
     try:
         if name_or_csv.lower().endswith(".csv"):
+            if count:
+                raise InputError(
+                    f"plan {name_or_csv}: the file lists its stops; a count of {count} cannot be "
+                    "given with it"
+                )
             return read_plan(Path(name_or_csv), robot, dwell, sides, payload)
         if name_or_csv == "rich":
             return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)

@@ -16,7 +16,7 @@ from delta_calibration.diagnosis.experiments import prepared
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.predicted_information import Foresight, Products, Samples
 from delta_calibration.diagnosis.scores import PRECISION
-from delta_calibration.effects import EFFECTS
+from delta_calibration.effects import Effect, catalogue
 from delta_calibration.errors import InputError
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.plans.bench import Bench, StopConditions
@@ -46,11 +46,6 @@ class Parting:
     before: Contrast  # from the session, or from as many stops under default conditions
     after: Contrast
     outside: str  # measurement outside the cell that would separate them; empty: none known
-
-
-def known_causes(mechanism: Mechanism) -> tuple[str, ...]:
-    """Causes that a plan can separate: effects, kinds of dimensions, and the whole geometry."""
-    return (*EFFECTS, *dict.fromkeys(p.cause for p in mechanism.parameters), GEOMETRY)
 
 
 def part(
@@ -128,22 +123,27 @@ def _pair(robot: Robot, causes: tuple[str, str], mechanism: Mechanism, bench: Be
     Raises:
         InputError: no such cause, or the same twice.
     """
-    unknown = [cause for cause in causes if cause not in known_causes(mechanism)]
-    if unknown:
-        known = ", ".join(known_causes(mechanism))
-        raise InputError(f"no cause {unknown[0]!r}; there are: {known}")
+    effects = {effect.cause: effect for effect in catalogue(robot, mechanism)}
+    dimensions = dict.fromkeys(p.cause for p in mechanism.parameters)
+    for cause in causes:
+        if cause not in (known := (*effects, *dimensions, GEOMETRY)):
+            raise InputError(f"no cause {cause!r}; there are: {', '.join(known)}")
     if causes[0] == causes[1]:
         raise InputError(f"{causes[0]!r} cannot be distinguished from itself; name two causes")
     at = bench.course(mechanism.home)
-    each = [_explanation(c, robot, mechanism, at) for c in causes if c != GEOMETRY]
+    each = [_explanation(c, effects.get(c), mechanism, at) for c in causes if c != GEOMETRY]
     return Pair(each[0], each[1] if len(each) > 1 else None)
 
 
-def _explanation(cause: str, robot: Robot, mechanism: Mechanism, at: Conditions) -> Candidate:
-    """A cause as a candidate explanation of samples under conditions like these."""
-    if cause in EFFECTS:
-        effect = next(iter(EFFECTS[cause](robot, mechanism).shapes(at)))
-        return Candidate(cause, effect.kind, None, effect, tuple(range(len(effect.parameters))))
+def _explanation(
+    cause: str, effect: Effect | None, mechanism: Mechanism, at: Conditions
+) -> Candidate:
+    """A cause, an effect or a kind of dimension, as a candidate explanation of such samples."""
+    if effect is not None:
+        shape = next(iter(effect.shapes(at)), None)
+        if shape is None:
+            raise InputError(f"{cause!r} has no shape before a session is measured: name another")
+        return Candidate(cause, effect.kind, None, shape, tuple(range(len(shape.parameters))))
     rows = tuple(row for row, p in enumerate(mechanism.parameters) if p.cause == cause)
     return Candidate(cause, GEOMETRY, None, None, rows)
 

@@ -23,6 +23,7 @@ from delta_calibration.recording.raw import RawTopic
 Notes = tuple[str, ...]
 Names = tuple[str, ...]
 _POSE = 7  # numbers of a pose
+_ABSURD = 1e9  # [m, rad, kg, deg C] that no machine reaches
 _LEAST_PART = 1e-3  # of a quaternion's largest; drivers without orientation send zeros
 
 
@@ -128,6 +129,10 @@ def _readings(
         count = np.count_nonzero(~finite)
         notes.append(f"{raw.name}: {count} readings that are not finite numbers were left out")
         everything = everything.rows(np.flatnonzero(finite))
+    absurd = (np.abs(everything.values) > _ABSURD).any(axis=1)
+    if absurd.any():
+        notes.append(f"{raw.name}: {absurd.sum()} readings beyond {_ABSURD:g} were left out")
+        everything = everything.rows(np.flatnonzero(~absurd))
     backwards = int(np.count_nonzero(np.diff(everything.stamp_ns) < 0))
     if backwards:
         notes.append(

@@ -1,0 +1,70 @@
+"""What a verb writes is never what it reads."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from delta_calibration.cli.main import run
+
+ROOT = Path(__file__).parents[1]
+CSV = "x_mm,y_mm,z_mm\n0,0,-750\n"
+
+
+@pytest.fixture(name="here")
+def here_fixture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with a session, a robot file, a table and targets."""
+    shutil.copytree(ROOT / "bags" / "srbd_plain", tmp_path / "session")
+    shutil.copy(ROOT / "config" / "srbd.yaml", tmp_path / "r.yaml")
+    shutil.copy(ROOT / "bags" / "srbd_plain.csv", tmp_path / "t.csv")
+    (tmp_path / "points.csv").write_text(CSV)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(p): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("fit session --robot r.yaml --out r.yaml", "--out r.yaml: would write over what --robot"),
+        ("fit session --robot r.yaml --out ./session/../r.yaml", "what --robot reads"),
+        ("fit session --robot srbd --out session/metadata.yaml", "what session reads"),
+        ("fit session --robot srbd --out session", "what session reads"),
+        ("import t.csv --robot srbd --guess --mapping-out t.csv", "what table reads"),
+        (
+            "import t.csv --robot srbd --guess --mapping-out g --json g",
+            "--json writes to the same",
+        ),
+        ("compensate points.csv --robot srbd --calibration t.csv --out t.csv", "what --calibrat"),
+        (
+            "compensate points.csv --robot srbd --calibration t.csv --out points.csv",
+            "what targets",
+        ),
+        ("circle t.csv --robot srbd --json t.csv", "--json t.csv: would write over what session"),
+        ("history report --machine M --store t.csv --out t.csv", "what --store reads"),
+        ("history changes --machine M --store t.csv --json t.csv", "what --store reads"),
+        ("compare t.csv points.csv --out t.csv", "what files reads"),
+        ("plan --robot r.yaml --identify --out r.yaml", "what --robot reads"),
+    ],
+)
+def test_a_file_that_is_read_is_not_written(
+    here: Path, typed: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = content(here)
+    assert run(typed.split()) == 2
+    assert said in capsys.readouterr().err
+    assert content(here) == before
+
+
+def test_the_result_of_the_last_run_is_written_anew(here: Path) -> None:
+    """Only inputs are kept: an old result in the session's folder is replaced."""
+    for _ in range(2):
+        assert (
+            run(["fit", "session", "--robot", "r.yaml", "--out", "session/calibration.yaml"]) == 0
+        )
+    assert (here / "session" / "calibration.yaml").is_file()
