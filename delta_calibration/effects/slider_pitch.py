@@ -1,19 +1,28 @@
 """Pitch error of a slider's screw.
 
-dq = s q
+dq = s (q - h)
+
+The reading is true at h, where the carriage was homed: at the mechanism's own zero, or at a
+reference switch anywhere on the travel. A wrong h is a constant offset of the slider as well.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
-from delta_calibration.effects.base import Effect, Stage
+import numpy as np
+
+from delta_calibration.data import Conditions
+from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import JOINT
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
+
+_PLACES = 5  # over the travel, at which a reading is tried to be true
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,10 @@ class SliderPitch(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     demo: ClassVar[Demo | None] = Demo("identify", 24)
+    limits: ClassVar[Limits] = {"home": (-10.0, 10.0)}
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {"home": ("true_at_m", "m")}
+
+    home: float = 0.0  # [m] where the reading is true, from the mechanism's own zero
 
     @property
     def suits(self) -> bool:
@@ -49,9 +62,33 @@ class SliderPitch(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """s q, from the mechanism's own zero."""
+        """s q, from the place where the reading is true."""
         return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Drive reading at that zero."""
-        return (float(self.mechanism.drives.zero[joint]),)
+        """Drive reading at that place."""
+        drives = self.mechanism.drives
+        return (float(drives.zero[joint] + drives.sense[joint] * self.home),)
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Readings that are true at the mechanism's own zero, and at places over the travel."""
+        del at
+        yield replace(self, home=0.0)
+        for place in np.linspace(*self._travel, _PLACES).tolist():
+            if place:
+                yield replace(self, home=place)
+
+    def intervals(self) -> tuple[Interval, ...]:
+        """The place between its neighbours in the search; none for the own zero."""
+        if not self.home:
+            return ()
+        low, high = self._travel
+        step = (high - low) / (_PLACES - 1)
+        return (("home", self.home - step, self.home + step),)
+
+    @property
+    def _travel(self) -> tuple[float, float]:
+        """Lowest and highest place that a slider reaches, from its own zero [m]."""
+        joints, drives = self.robot.joints, self.mechanism.drives
+        ends = drives.sense * (np.stack([joints.lower, joints.upper]) - drives.zero)
+        return float(ends.min()), float(ends.max())
