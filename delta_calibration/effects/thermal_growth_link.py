@@ -1,13 +1,21 @@
-"""Links of a serial arm that grow with their temperature."""
+"""Links of a serial arm that grow with their temperature.
+
+The column under the arm, the first link's offset, is often another part: it stays cold while
+motors warm the links. What it grows moves the whole arm along the first axis, as a drifting
+tracker would.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
-from delta_calibration.effects.base import Array
+from delta_calibration.data import Conditions
+from delta_calibration.effects.base import Array, Effect, Limits
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
 from delta_calibration.mechanisms import SerialArm
@@ -25,8 +33,30 @@ class ThermalGrowthLink(ThermalGrowth):
         "repeat ten poses cold and warm: links grow with their temperature",
     )
     part: ClassVar[str] = "link"
+    limits: ClassVar[Limits] = {**ThermalGrowth.limits, "column": (0.0, 1.0)}
+
+    column: float = 1.0  # how much the column grows, relative to the links
 
     def lengths(self) -> Array:
         """Lengths and offsets as drawn, (p,) [m]; zeros if the mechanism is not an arm."""
         arm = self.mechanism
-        return arm.drawn_along if isinstance(arm, SerialArm) else np.zeros(len(arm.parameters))
+        if not isinstance(arm, SerialArm):
+            return np.zeros(len(arm.parameters))
+        return np.where(self._is_column, self.column, 1.0) * arm.drawn_along
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """The shapes of any growth, each also with a column that stays as it is."""
+        for shape in cast("Iterator[ThermalGrowthLink]", super().shapes(at)):
+            yield replace(shape, column=1.0)
+            if self.lengths()[self._is_column].any():
+                yield replace(shape, column=0.0)
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """Whether the column keeps its height."""
+        return {} if self.column else {"column": "does not grow"}
+
+    @property
+    def _is_column(self) -> NDArray[np.bool_]:
+        """The first link's offset among the dimensions, (p,)."""
+        return np.array([name == "offset_1" for name in self.mechanism.parameters.names])

@@ -36,6 +36,10 @@ _CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
 _STEP = 0.05  # step of log s_q in the second difference of its likelihood
 _ALIKE = 1e-7  # singular value over the largest, below which columns are linearly dependent
 _FEWEST_DEGREES = 1e-3  # of freedom, for a repeatability that is hidden by the tracker's noise
+_AS_FILED = 1.0, 1.0  # scales of the tracker's noise
+# scale at which it is first tried whether the tracker's noise is larger than filed, largest scale,
+# and decrease of -2 ln of the likelihood from which the filed noise is refuted (p = 0.001)
+_SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 10.0, 10.8
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
@@ -107,8 +111,38 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
-    repeatability, freedom = _likeliest(visits, reading, moving, bounds)
-    return Noise(radial, transverse, repeatability, visits.floor, degrees, True, freedom)
+    found = _likeliest(visits, reading, moving, bounds)
+    if (radial, transverse) == _AS_FILED:
+        louder, found = _louder(
+            found, lambda k: _likeliest(visits, k**2 * reading, moving, bounds)
+        )
+        radial = transverse = louder
+    return Noise(radial, transverse, found.sigma, visits.floor, degrees, True, found.freedom)
+
+
+def _louder(
+    filed: _Likeliest, by_scale: Callable[[float], _Likeliest]
+) -> tuple[float, _Likeliest]:
+    """Scale of the tracker's noise from repeats of single readings, and what is likeliest with it.
+
+    Repeats alone hardly distinguish a noisy tracker from joints that do not repeat. The robot
+    file's noise, scale 1, is kept unless the repeats refute it: along directions in which the
+    joints move the reflector little, they scatter more than it allows.
+    """
+    from scipy.optimize import minimize_scalar  # slow to load
+
+    if by_scale(_SLIGHTLY).unlikeliness > filed.unlikeliness:
+        return 1.0, filed
+    best = minimize_scalar(
+        lambda log_k: by_scale(float(np.exp(log_k))).unlikeliness,
+        bounds=(0.0, np.log(_LOUDEST)),
+        method="bounded",
+        options={"xatol": 1e-2},
+    )
+    if not filed.unlikeliness - best.fun > _REFUTED:
+        return 1.0, filed
+    scale = float(np.exp(best.x))
+    return scale, by_scale(scale)
 
 
 def whitening(covariance: Array) -> Array:
@@ -121,7 +155,7 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     several = poses.count > 1
     degrees = (poses.count[several] - 1).astype(float)
     if degrees.sum() < _ENOUGH:
-        return 1.0, 1.0
+        return _AS_FILED
     distance = np.linalg.norm(poses.point[several], axis=1)
     beam = poses.point[several] / distance[:, None]
     along, across = tracker.sigmas(distance)
@@ -292,12 +326,21 @@ def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, state
     visits = _visits(turned, repeat)
     if 3 * visits.degrees < _ENOUGH:
         return stated
-    return _likeliest(visits, resting, reading, (_LEAST, _MOST))[0]
+    return _likeliest(visits, resting, reading, (_LEAST, _MOST)).sigma
+
+
+@dataclass(frozen=True)
+class _Likeliest:
+    """Most likely standard deviation of a part of the noise."""
+
+    sigma: float
+    freedom: float  # its degrees of freedom
+    unlikeliness: float  # -2 ln of the restricted likelihood
 
 
 def _likeliest(
     visits: _Visits, fixed: Array, growing: Array, bounds: tuple[float, float]
-) -> tuple[float, float]:
+) -> _Likeliest:
     """Most likely s of the covariance F + s^2 G, and its degrees of freedom by the curvature.
 
     Restricted likelihood of Gaussian errors, one draw a move: the means of places and the effects
@@ -321,7 +364,7 @@ def _likeliest(
     least = bounds[0] ** 2  # where F is singular, F + s^2 G is not
     turn, growth = _apart((fixed + least * growing)[several][order], growing[several][order])
     columns, back = turn @ columns, turn.transpose(0, 2, 1)
-    width = columns.shape[2]
+    width, size = columns.shape[2], -2 * float(np.linalg.slogdet(turn)[1].sum())
 
     def unlikeliness(log_sigma: float) -> float:
         variance = 1.0 + (np.exp(2 * log_sigma) - least) * growth
@@ -333,7 +376,7 @@ def _likeliest(
         whole = rooted.T @ rooted - mean.T @ mean
         known, beside = whole[:-1, :-1], whole[:-1, -1]
         spread = sum(np.linalg.slogdet(each)[1].sum() for each in (places, known))
-        spread += np.log(variance).sum()
+        spread += np.log(variance).sum() + size
         return float(spread + whole[-1, -1] - beside @ solved(known, beside))
 
     best = minimize_scalar(
@@ -341,7 +384,8 @@ def _likeliest(
     )
     bend = unlikeliness(best.x - _STEP) - 2 * best.fun + unlikeliness(best.x + _STEP)
     # the curvature of -2 log L by log s is four times that by log s^2
-    return float(np.exp(best.x)), max(bend / _STEP**2 / 4, _FEWEST_DEGREES)
+    freedom = max(bend / _STEP**2 / 4, _FEWEST_DEGREES)
+    return _Likeliest(float(np.exp(best.x)), freedom, float(best.fun))
 
 
 def _apart(fixed: Array, growing: Array) -> tuple[Array, Array]:
