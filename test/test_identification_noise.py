@@ -49,6 +49,42 @@ def test_known_noise_is_given_back_within_its_sampling_error():
         )
 
 
+def single_readings(scale: float, seed: int):
+    """Repeats on a SCARA, one reading each, by a tracker `scale` times as noisy as filed."""
+    robot, rng = load_robot("scara"), np.random.default_rng(seed)
+    plan = make_plan("identify", robot, count=60, seed=seed)
+    poses = collect(simulate_session(draw_machine(robot, seed), plan, seed), robot.joints.names)
+    model, size = robot.model(), len(poses)
+    x = model.forward(poses.command, model.parameters.nominal)
+    slope = model.velocity_jacobian(poses.command, x, model.parameters.nominal)[:, :3]
+    point = model.position(x) + np.array([1.0, -2.0, 0.5])  # from the tracker
+    distance = np.linalg.norm(point, axis=1, keepdims=True)
+    along, across = (each[:, None] for each in robot.tracker.sigmas(distance[:, 0]))
+    off, beam = across * rng.standard_normal((size, 3)), point / distance
+    off += beam * (along * rng.standard_normal((size, 1)) - np.sum(off * beam, 1, keepdims=True))
+    rest = robot.joints.repeatability * rng.standard_normal(poses.joint.shape)
+    moved = np.einsum("nij,nj->ni", slope, rest)
+    one, none = np.ones(size, dtype=np.int64), np.zeros_like(poses.scatter)
+    measured = point + scale * off + moved
+    return replace(poses, joint=poses.command, point=measured, count=one, scatter=none), slope
+
+
+@pytest.mark.parametrize("scale", [1.0, 2.0])
+def test_repeats_of_single_readings_tell_of_a_noisy_tracker(scale: float):
+    """No joint of a SCARA that stands still along z moves a reading up: the tracker does."""
+    told = []
+    for seed in range(8):
+        poses, slope = single_readings(scale, seed)
+        told.append(estimate_noise(poses, slope, load_robot("scara")))
+    found = np.array([noise.radial_scale for noise in told])
+    assert [noise.transverse_scale for noise in told] == found.tolist()
+    if scale == 1.0:
+        assert (found == 1.0).all()
+    else:
+        assert (np.abs(found - scale) < 0.5).all()
+        assert np.mean(found) == pytest.approx(scale, abs=0.15)
+
+
 def test_covariance_of_a_reading_lies_along_and_across_the_beam():
     rng = np.random.default_rng(2)
     poses = Cell(SixRods()).measure(workspace(2, rng), rng)
