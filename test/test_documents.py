@@ -189,11 +189,11 @@ def test_two_that_write_the_same_file_do_not_mix(tmp_path):
     first = one.enter_context(written_whole(path))
     first.write_text("one")
     second = other.enter_context(written_whole(path)).open("w")
-    second.write("ot")
+    second.write("oth")
     second.flush()
     one.close()
     assert path.read_text() == "one"
-    second.write("her")
+    second.write("er")
     second.close()
     other.close()
     assert path.read_text() == "other"
