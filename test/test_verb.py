@@ -68,3 +68,9 @@ def test_the_result_of_the_last_run_is_written_anew(here: Path) -> None:
             run(["fit", "session", "--robot", "r.yaml", "--out", "session/calibration.yaml"]) == 0
         )
     assert (here / "session" / "calibration.yaml").is_file()
+
+
+def test_several_results_may_fill_one_folder(here: Path) -> None:
+    typed = "report session --robot r.yaml --out page.html --numbers made --figures made"
+    assert run(typed.split()) == 0
+    assert {p.suffix for p in (here / "made").iterdir()} >= {".png", ".csv", ".json"}

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
-from delta_calibration.cli.verb import OUTPUT
+from delta_calibration.cli.verb import OUTPUTS
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
 from delta_calibration.mechanisms import MECHANISMS
@@ -103,7 +103,7 @@ def figures_option(function: Function) -> Function:
     """`--figures`."""
     return click.option(
         "--figures",
-        type=OUTPUT,
+        type=OUTPUTS,
         default=None,
         metavar="FOLDER",
         help="Folder for a PNG file of every figure (needs matplotlib).",
@@ -114,7 +114,7 @@ def numbers_option(function: Function) -> Function:
     """`--numbers`."""
     return click.option(
         "--numbers",
-        type=OUTPUT,
+        type=OUTPUTS,
         default=None,
         metavar="FOLDER",
         help="Folder for all numbers: report.json, and a CSV file for every figure and table.",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ class Output(click.Path):
 
 OUTPUT = Output(path_type=Path)
 OUTPUT_OR_PRINTED = Output()  # a text: the name of a file, or a mark
+OUTPUTS = Output(path_type=Path, file_okay=False)  # a folder, which several options may fill
 
 
 class Verb(click.Command):
@@ -32,13 +33,16 @@ class Verb(click.Command):
         Raises:
             InputError: a file to write is also a file to read, or is to be written twice.
         """
-        outputs, inputs = list(_files(ctx, True)), list(_files(ctx, False))
-        for (name, path), (other, source) in ((a, b) for a in outputs for b in inputs):
+        outputs = list(_files(ctx, lambda kind: isinstance(kind, Output)))
+        inputs = _files(ctx, lambda kind: not isinstance(kind, Output))
+        existing = [(name, path) for name, path in inputs if _exists(path)]
+        files = _files(ctx, lambda kind: isinstance(kind, Output) and kind.file_okay)
+        for (name, path), (other, source) in product(outputs, existing):
             if _replaces(path, source):
                 raise InputError(
                     f"{name} {path}: would write over what {other} reads; name another file"
                 )
-        for (name, path), (other, same) in combinations(outputs, 2):
+        for (name, path), (other, same) in combinations(files, 2):
             if path.resolve() == same.resolve():
                 raise InputError(f"{name} {path}: {other} writes to the same file; name another")
         return super().invoke(ctx)
@@ -55,18 +59,16 @@ def verb(name: str, **options: Any) -> Callable[[Callable[..., Any]], Verb]:
     return click.command(name, cls=Verb, **options)
 
 
-def _files(ctx: click.Context, written: bool) -> Iterator[tuple[str, Path]]:
-    """Names and paths of the arguments that are written, or of existing files that are read."""
+def _files(ctx: click.Context, wanted: Callable[[Any], bool]) -> Iterator[tuple[str, Path]]:
+    """Names and paths of the arguments whose type is wanted; texts count as paths."""
     for parameter in ctx.command.params:
-        if isinstance(parameter.type, Output) != written or parameter.name is None:
+        if not wanted(parameter.type) or parameter.name is None:
             continue
         name = parameter.opts[0] if parameter.param_type_name == "option" else parameter.name
         given = ctx.params.get(parameter.name)
         for value in given if isinstance(given, tuple | list) else (given,):
             if isinstance(value, Path | str):
-                path = Path(value)
-                if written or _exists(path):
-                    yield name, path
+                yield name, Path(value)
 
 
 def _exists(path: Path) -> bool:
