@@ -111,38 +111,53 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
-    found = _likeliest(visits, reading, moving, bounds)
     if (radial, transverse) == _AS_FILED:
-        louder, found = _louder(
-            found, lambda k: _likeliest(visits, k**2 * reading, moving, bounds)
-        )
-        radial = transverse = louder
+        free = _moved_anyhow(visits, poses)
+        if 3 * free.degrees >= _ENOUGH:
+            radial = transverse = _louder(
+                lambda k: _likeliest(free, k**2 * reading, moving, bounds).unlikeliness
+            )
+            reading = radial**2 * reading
+    found = _likeliest(visits, reading, moving, bounds)
     return Noise(radial, transverse, found.sigma, visits.floor, degrees, True, found.freedom)
 
 
-def _louder(
-    filed: _Likeliest, by_scale: Callable[[float], _Likeliest]
-) -> tuple[float, _Likeliest]:
-    """Scale of the tracker's noise from repeats of single readings, and what is likeliest with it.
+def _louder(unlikeliness: Callable[[float], float]) -> float:
+    """Scale of the tracker's noise from repeats of single readings.
 
     Repeats alone hardly distinguish a noisy tracker from joints that do not repeat. The robot
     file's noise, scale 1, is kept unless the repeats refute it: along directions in which the
     joints move the reflector little, they scatter more than it allows.
+
+    Args:
+        unlikeliness: -2 ln of the likelihood of such a scale.
     """
     from scipy.optimize import minimize_scalar  # slow to load
 
-    if by_scale(_SLIGHTLY).unlikeliness > filed.unlikeliness:
-        return 1.0, filed
+    filed = unlikeliness(1.0)
+    if unlikeliness(_SLIGHTLY) > filed:
+        return 1.0
     best = minimize_scalar(
-        lambda log_k: by_scale(float(np.exp(log_k))).unlikeliness,
+        lambda log_k: unlikeliness(float(np.exp(log_k))),
         bounds=(0.0, np.log(_LOUDEST)),
         method="bounded",
         options={"xatol": 1e-2},
     )
-    if not filed.unlikeliness - best.fun > _REFUTED:
-        return 1.0, filed
-    scale = float(np.exp(best.x))
-    return scale, by_scale(scale)
+    return float(np.exp(best.x)) if filed - best.fun > _REFUTED else 1.0
+
+
+def _moved_anyhow(visits: _Visits, poses: Poses) -> _Visits:
+    """Visits in whose changes by the conditions the reflector may also move as no joint moves it.
+
+    A base that sinks, a column that grows: linear in the place, in any direction.
+    """
+    mean = poses.point - visits.deviation  # of a place: its noise is not that of a visit
+    about = mean - mean.mean(axis=0)
+    plane = np.column_stack([np.ones(len(poses)), about / max(float(np.abs(about).max()), 1e-9)])
+    moved = _by_condition(poses, plane)[:, None, :, None] * np.eye(3)[:, None, :]
+    within = _deviations(moved.reshape(len(poses), -1), visits.place)[0]
+    within = within.reshape(visits.deviation.size, -1)
+    return replace(visits, course=_basis(np.hstack([visits.course, within])))
 
 
 def whitening(covariance: Array) -> Array:
@@ -273,7 +288,7 @@ def _course(poses: Poses, place: Index, slope: Array) -> Array:
     All of them are modelled as smooth joint errors: a cubic in time, plus terms in the directions
     of approach and in the payload, with coefficients that are linear in the joint coordinates.
     """
-    clock = 2 * (poses.time - poses.time.min()) / max(float(np.ptp(poses.time)), 1e-9) - 1
+    clock = _clock(poses)
     several = np.flatnonzero(np.bincount(place)[place] > 1)
     basis = _changes(poses.take(several), clock[several], place[several], slope[several])
     every = np.zeros((len(poses), 3, basis.shape[1]))
@@ -285,16 +300,32 @@ def _changes(poses: Poses, clock: Array, place: Index, slope: Array) -> Array:
     """`_course` of poses at places that were visited several times."""
     if not len(poses):
         return np.zeros((0, 0))
+    plane = np.column_stack([np.ones(len(poses)), poses.joint])
+    course = _by_condition(poses, plane, clock)
+    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
+    return _basis(_deviations(columns, place)[0].reshape(3 * len(poses), -1))
+
+
+def _by_condition(poses: Poses, plane: Array, clock: Array | None = None) -> Array:
+    """Products of each condition with each column of `plane` (n, p), (n, conditions p)."""
+    clock = _clock(poses) if clock is None else clock
     payload = np.nan_to_num(poses.payload)
     condition = np.column_stack([clock, clock**2, clock**3, payload, poses.direction])
-    plane = np.column_stack([np.ones(len(poses)), poses.joint])
-    course = (condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1)
-    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
-    within = _deviations(columns, place)[0].reshape(3 * len(poses), -1)
-    scale = np.linalg.norm(within, axis=0)
+    return np.asarray((condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1))
+
+
+def _clock(poses: Poses) -> Array:
+    """Time of each pose, from -1 to 1, (n,)."""
+    past = poses.time - poses.time.min()
+    return np.asarray(2 * past / max(float(past.max()), 1e-9) - 1)
+
+
+def _basis(columns: Array) -> Array:
+    """Orthonormal basis of the space of some columns, (3 n, p)."""
+    scale = np.linalg.norm(columns, axis=0)
     if not scale.any():
-        return within[:, :0]
-    basis, value, _ = np.linalg.svd(within[:, scale > 0] / scale[scale > 0], full_matrices=False)
+        return columns[:, :0]
+    basis, value, _ = np.linalg.svd(columns[:, scale > 0] / scale[scale > 0], full_matrices=False)
     return np.asarray(basis[:, value > _ALIKE * value[0]])
 
 
