@@ -32,7 +32,7 @@ CAUSES = {
     "linear_delta": "slider_pitch",
     "scara": "reducer_compliance",
     "srbd": "backlash",
-    "ur10": "reducer_compliance",
+    "ur10": "gravity_sag",
 }
 
 
