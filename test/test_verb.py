@@ -3,13 +3,26 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import pytest
 
-from delta_calibration.cli.main import run
+from delta_calibration.cli.main import group, run
+from delta_calibration.cli.verb import Output, Verb
 
 ROOT = Path(__file__).parents[1]
+WRITES = {
+    "--json",
+    "--out",
+    "--report",
+    "--law",
+    "--mapping-out",
+    "--figures",
+    "--numbers",
+    "--fix",
+}
 CSV = "x_mm,y_mm,z_mm\n0,0,-750\n"
 
 
@@ -50,6 +63,7 @@ def content(folder: Path) -> dict[str, bytes]:
         ("history changes --machine M --store t.csv --json t.csv", "what --store reads"),
         ("compare t.csv points.csv --out t.csv", "what files reads"),
         ("plan --robot r.yaml --identify --out r.yaml", "what --robot reads"),
+        ("simulate --robot srbd --plan points.csv --out points.csv", "what --plan reads"),
     ],
 )
 def test_a_file_that_is_read_is_not_written(
@@ -74,3 +88,22 @@ def test_several_results_may_fill_one_folder(here: Path) -> None:
     typed = "report session --robot r.yaml --out page.html --numbers made --figures made"
     assert run(typed.split()) == 0
     assert {p.suffix for p in (here / "made").iterdir()} >= {".png", ".csv", ".json"}
+
+
+def verbs(group: click.Group) -> Iterator[click.Command]:
+    ctx = click.Context(group)
+    for name in group.list_commands(ctx):
+        command = group.get_command(ctx, name)
+        assert command is not None
+        yield from verbs(command) if isinstance(command, click.Group) else [command]
+
+
+def test_every_verb_that_writes_knows_its_outputs() -> None:
+    """An option that names an output has its type, and its verb compares it with the inputs."""
+    for command in verbs(group):
+        if command.name == "demo":  # its folder holds nothing that it reads
+            continue
+        for parameter in command.params:
+            written = isinstance(parameter.type, Output)
+            assert written or not WRITES & {*parameter.opts}, (command.name, parameter.opts)
+            assert isinstance(command, Verb) or not written, command.name

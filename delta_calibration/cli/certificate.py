@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +23,9 @@ from delta_calibration.cli.options import (
 from delta_calibration.cli.quantity import Quantity
 from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Session, collect
+from delta_calibration.documents import check_document, load_schema
 from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.estimation import identify
-from delta_calibration.files import read_bounded
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Certificate,
@@ -44,6 +43,7 @@ from delta_calibration.report import (
     write_pdf,
 )
 from delta_calibration.robot import Robot, load_robot
+from delta_calibration.texts import read_text
 
 PATH = click.Path(path_type=Path)
 _KINDS = (".html", ".pdf", ".json", ".xml")
@@ -160,24 +160,20 @@ def command(
 
 
 def _require_certificate(path: Path) -> None:
-    """Refuse to replace a JSON file that is no certificate: only the page beside it was named.
+    """Refuse to overwrite a JSON file, which the user did not name, unless it is a certificate.
 
     Raises:
         InputError: it is another file.
     """
-    if path.exists() and not {"decision_rule", "dimensions"} <= {*_keys(path)}:
+    if not path.exists():
+        return
+    try:
+        check_document(json.loads(read_text(path)), load_schema("certificate"), str(path))
+    except (ValueError, InputError) as error:
         raise InputError(
             f"{path}: the certificate's JSON would replace this file, which is no certificate; "
             "choose another name for --out"
-        )
-
-
-def _keys(path: Path) -> Iterable[str]:
-    try:
-        found = json.loads(read_bounded(path))
-    except ValueError:
-        return ()
-    return found if isinstance(found, dict) else ()
+        ) from error
 
 
 def _require_sound(recorded: Session, robot: Robot, robot_file: str) -> None:

@@ -150,7 +150,7 @@ def _with_nodes(robot_file: str, out: Path, seed: int, method: str, draw: int | 
 
 
 def _told_of(cell: str, say: Say) -> Say:
-    """The same lines, with the cell that they tell of."""
+    """Print lines that begin with the name of the cell."""
     return lambda text: say(f"{cell} cell: {text}")
 
 
@@ -186,12 +186,7 @@ def _measured(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]
     Returns:
         Start of each part, and begin and end of the readings that the node captured, all in ns.
     """
-    cell.order("start_capture")
-    start = time.time_ns()
-    say(f"measuring the workspace: {STOPS['identify']} places from both sides")
-    cell.measure("identify", "identify", True)
-    captured = start, time.time_ns()
-    cell.order("stop_capture")
+    captured = cell.captured(say)
     for plan in ("line", "disc"):
         say(f"measuring the {plan} without compensation: {STOPS[plan]} points")
         cell.measure(f"{plan}_before", plan, False)

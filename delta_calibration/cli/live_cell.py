@@ -90,6 +90,16 @@ class LiveCell:
             _TIMEOUT,
         )
 
+    def captured(self, say: Say) -> tuple[int, int]:
+        """Measure the workspace; returns begin and end of the readings that the node captures."""
+        self.order("start_capture")
+        begun = time.time_ns()
+        say(f"measuring the workspace: {STOPS['identify']} places from both sides")
+        self.measure("identify", "identify", True)
+        ended = time.time_ns()
+        self.order("stop_capture")
+        return begun, ended
+
     def order(self, service: str, value: bool | None = None) -> str:
         """Call a service of the calibration node and return the message of its answer."""
         return self._children.call(f"/calibration_node/{service}", value)

@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from delta_calibration.cli.options import require_folder, robots, write_or_print, write_text
-from delta_calibration.cli.verb import OUTPUT, VerbGroup
+from delta_calibration.cli.verb import OUTPUT, OUTPUTS, VerbGroup
 from delta_calibration.drafting import (
     OFFERED,
     Entry,
@@ -84,7 +84,7 @@ def check(robot_file: str) -> int:
 @OUT
 @click.option(
     "--dimensions",
-    type=click.Path(path_type=Path),
+    type=OUTPUTS,
     default=None,
     help="Folder for a drawing of each dimension: what changes if it grows by a quarter.",
 )
@@ -124,7 +124,7 @@ def draw(robot_file: str, out: Path, dimensions: Path | None) -> None:
 )
 @click.option(
     "--pictures",
-    type=click.Path(path_type=Path),
+    type=OUTPUTS,
     default=None,
     help="Folder for a picture of each dimension; each question names its picture.",
 )

@@ -31,7 +31,7 @@ class Hidden:
 
     @classmethod
     def of(cls, robot: Robot, draw: int | None) -> Hidden:
-        """Select an effect; without a seed by the clock, unknown until the end of the demo."""
+        """Select an effect by a seed, or by the clock if there is none."""
         draw = time.time_ns() % 2**31 if draw is None else draw
         shown = _shown(robot)
         return cls(shown[int(np.random.default_rng(draw).integers(len(shown)))], draw)
@@ -43,12 +43,7 @@ def measured(cell: LiveCell, say: Say) -> tuple[dict[str, int], tuple[int, int]]
     Returns:
         Start of each part, and begin and end of the readings that are diagnosed, all in ns.
     """
-    cell.order("start_capture")
-    begun = time.time_ns()
-    say(f"measuring the workspace: {STOPS['identify']} places from both sides")
-    cell.measure("identify", "identify", True)
-    captured = begun, time.time_ns()
-    cell.order("stop_capture")
+    captured = cell.captured(say)
     say(cell.order("fit"))
     say(cell.order("enable", True))
     time.sleep(1.5)  # the correction is ramped in

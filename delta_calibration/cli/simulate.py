@@ -10,7 +10,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.cli.verb import OUTPUT
+from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import collect
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
@@ -91,10 +91,7 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     return [name for name in hideable_causes(robot, chain) if name.startswith(begun)]
 
 
-@click.command(
-    "simulate",
-    epilog=_CAUSES,
-)
+@verb("simulate", epilog=_CAUSES)
 @robot_option
 @click.option(
     "--effect",

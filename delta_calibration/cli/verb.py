@@ -25,7 +25,7 @@ OUTPUTS = Output(path_type=Path, file_okay=False)  # a folder, which several opt
 
 
 class Verb(click.Command):
-    """A verb; before it begins, its outputs are compared with its inputs."""
+    """A verb that refuses to write over its inputs, or two results to one file."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb.

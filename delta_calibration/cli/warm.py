@@ -54,7 +54,7 @@ def _fit(name: str) -> None:
 
 
 def _compensate(name: str) -> None:
-    """Compensate commands by a calibration that is the drawing, one by one and all at once."""
+    """Compensate a few commands with the nominal dimensions, singly and as a batch."""
     robot = load_robot(name)
     chain, limits = bare_chain(robot.model()), (robot.joints.lower, robot.joints.upper)
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())

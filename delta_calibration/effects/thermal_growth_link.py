@@ -45,11 +45,12 @@ class ThermalGrowthLink(ThermalGrowth):
         return np.where(self._is_column, self.column, 1.0) * arm.drawn_along
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """The shapes of any growth, each also with a column that stays as it is."""
+        """Each shape of thermal growth, with a column that grows and with one that does not."""
+        whole = replace(self, column=1.0).lengths()
+        columns = (1.0, 0.0) if whole[self._is_column].any() else (1.0,)
         for shape in cast("Iterator[ThermalGrowthLink]", super().shapes(at)):
-            yield replace(shape, column=1.0)
-            if self.lengths()[self._is_column].any():
-                yield replace(shape, column=0.0)
+            for column in columns:
+                yield replace(shape, column=column)
 
     @property
     def chosen(self) -> dict[str, str]:

@@ -112,9 +112,9 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
     if (radial, transverse) == _AS_FILED:
-        free = _moved_anyhow(visits, poses)
+        free = _without_displacements(visits, poses)
         if 3 * free.degrees >= _ENOUGH:
-            radial = transverse = _louder(
+            radial = transverse = _tracker_scale(
                 lambda k: _likeliest(free, k**2 * reading, moving, bounds).unlikeliness
             )
             reading = radial**2 * reading
@@ -122,7 +122,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     return Noise(radial, transverse, found.sigma, visits.floor, degrees, True, found.freedom)
 
 
-def _louder(unlikeliness: Callable[[float], float]) -> float:
+def _tracker_scale(unlikeliness: Callable[[float], float]) -> float:
     """Scale of the tracker's noise from repeats of single readings.
 
     Repeats alone hardly distinguish a noisy tracker from joints that do not repeat. The robot
@@ -146,10 +146,11 @@ def _louder(unlikeliness: Callable[[float], float]) -> float:
     return float(np.exp(best.x)) if filed - best.fun > _REFUTED else 1.0
 
 
-def _moved_anyhow(visits: _Visits, poses: Poses) -> _Visits:
-    """Visits in whose changes by the conditions the reflector may also move as no joint moves it.
+def _without_displacements(visits: _Visits, poses: Poses) -> _Visits:
+    """Visits whose noise excludes displacements by the conditions in any direction.
 
-    A base that sinks, a column that grows: linear in the place, in any direction.
+    A base that sinks or a column that grows moves the reflector as no joint can. Displacements are
+    linear in the place.
     """
     mean = poses.point - visits.deviation  # of a place: its noise is not that of a visit
     about = mean - mean.mean(axis=0)

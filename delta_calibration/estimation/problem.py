@@ -73,7 +73,7 @@ class Kept:
         yield slice(None), self.rows
 
     def take(self, samples: NDArray[np.intp]) -> Kept:
-        """Those of some of the samples."""
+        """The Jacobian of some of the samples."""
         return Kept(self.slope[samples])
 
 
@@ -96,7 +96,7 @@ class Recomputed:
             yield own, self.problem.whitened(linear, own)[1]
 
     def take(self, samples: NDArray[np.intp]) -> Recomputed:
-        """Those of some of the samples."""
+        """The Jacobian of some of the samples."""
         return Recomputed(self.problem.take(samples), self.theta, self.pose[samples])
 
 
@@ -417,8 +417,8 @@ def solve(
         made += drawing.evaluations
         loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
     ends: list[_State] = []
-    for place in starts:
-        ends.append(_search(problem, loss, place, settled, ends))
+    for each in starts:
+        ends.append(_search(problem, loss, each, settled, ends))
         made += ends[-1].evaluations
     best = min(ends, key=lambda end: end.cost)
     return _solution(problem, replace(best, evaluations=made))
