@@ -35,9 +35,10 @@ def six_rod_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
     del model
     leg = _limbs(g, 3)
     middle = leg[..., 0:3] + _arm(q, leg[..., 6:8], leg[..., 8], leg[..., 9])
-    elbow_line, platform_line = _line(leg[..., 16:18]), _line(leg[..., 18:20])
+    platform_line = _line(leg[..., 18:20])
     hinge = rotations.exp(_tilt(leg[..., 6:8]))
-    across = (hinge @ elbow_line[..., None])[..., 0]
+    kept = hinge @ rotations.exp(_tilt(leg[..., 16:18]))
+    across = (kept @ _about_y(q + leg[..., 8], _line(leg[..., 20:22]))[..., None])[..., 0]
     turn = rotations.exp(x[:, None, 3:])
     gaps = []
     for j, side in enumerate(SIDES):
@@ -165,6 +166,13 @@ def _arm(q: Array, tilt: Array, zero: Array, length: Array) -> Array:
     angle = q + zero
     ahead = np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=-1)
     return (rotations.exp(_tilt(tilt)) @ (length[..., None] * ahead)[..., None])[..., 0]
+
+
+def _about_y(angle: Array, v: Array) -> Array:
+    """Vectors (..., 3), turned about y by an angle (...)."""
+    x, y, z = v[..., 0], v[..., 1], v[..., 2]
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.stack(np.broadcast_arrays(cosine * x + sine * z, y, cosine * z - sine * x), axis=-1)
 
 
 def _line(about: Array) -> Array:

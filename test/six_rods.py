@@ -54,12 +54,13 @@ class SixRods:
             self.tilt.append(tilted("hinge", leg))
             self.zero.append(wrong(f"joint_zero_{leg}"))
             self.arm.append(ARM + wrong(f"arm_{leg}"))
-            elbow_line = tilted("elbow_line", leg).apply([0.0, 1.0, 0.0])
+            kept = tilted("elbow_line", leg)
+            on_arm = tilted("elbow_line_on_arm", leg).apply([0.0, 1.0, 0.0])
             line = tilted("platform_line", leg).apply([0.0, 1.0, 0.0])
             middle = place("platform", leg, PLATFORM)
             for name, side in SIDES.items():
                 half = HALF + wrong(f"elbow_half_width_{leg}{name}")
-                self.elbow.append(side * half * elbow_line)
+                self.elbow.append((kept, side * half * on_arm))
                 half = HALF + wrong(f"platform_half_width_{leg}{name}")
                 platform.append(turn.apply(middle + side * half * line))
                 length.append(ROD + wrong(f"rod_{leg}") + side * wrong(f"rod_mismatch_{leg}") / 2)
@@ -73,7 +74,9 @@ class SixRods:
             leg = row // 2
             angle = q[:, leg] + self.zero[leg]
             arm = self.arm[leg] * np.stack([np.cos(angle), 0 * angle, -np.sin(angle)], axis=1)
-            in_leg = self.hinge[leg] + self.tilt[leg].apply(arm + self.elbow[row])
+            kept, ball = self.elbow[row]
+            aside = kept.apply(Rotation.from_rotvec(np.outer(angle, [0, 1, 0])).apply(ball))
+            in_leg = self.hinge[leg] + self.tilt[leg].apply(arm + aside)
             balls.append(self.turn[leg].apply(in_leg))
         return np.stack(balls, axis=1)
 

@@ -82,13 +82,14 @@ def six_distances(machine: Machine, q):
         for leg in range(3):
             stand = Rotation.from_euler("z", 2 * np.pi / 3 * leg)
             angle = q[leg] + machine.zero[leg]
-            arm = machine.arm[leg] * np.array([np.cos(angle), 0, -np.sin(angle)])
-            elbow = machine.hinge[leg] + [RADIUS, 0, 0] + arm
+            hinge = machine.hinge[leg] + [RADIUS, 0, 0]
+            down = Rotation.from_rotvec([0, angle, 0])
             ball = machine.ball[leg] + [PLATFORM, 0, 0]
             for k, side in enumerate(SIDES):
                 aside = np.array([0, side * HALF, 0])
                 end = pose[:3] + turn.apply(stand.apply(ball + aside))
-                length = np.linalg.norm(end - stand.apply(elbow + aside))
+                elbow = hinge + down.apply(machine.elbow(leg, k))
+                length = np.linalg.norm(end - stand.apply(elbow))
                 left.append(length - machine.rod[leg, k])
         return left
 

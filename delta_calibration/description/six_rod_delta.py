@@ -40,26 +40,33 @@ class SixRodDeltaLook(Look):
     mechanism: ClassVar[str] = SixRodDelta.name
 
     def parts(self, robot: Robot, mechanism: Mechanism, geometry: Array) -> Parts:
-        """Arms on hinges and six rods; the lines of elbow balls do not turn with the arms."""
+        """Arms on hinges and six rods.
+
+        An elbow is turned back by the arm's angle, tilted in the hinge's frame, and turned on
+        again, because its line of ball joints has a tilt of either kind.
+        """
         assert isinstance(mechanism, SixRodDelta)
         links: list[Link] = []
         joints: list[Joint] = []
         struts: list[Strut] = []
         stands = mechanism.dimensions.frames
         for stand, leg, number in zip(stands, legs(geometry), range(1, LEGS + 1), strict=True):
-            arm, elbow = f"arm_{number}", f"elbow_{number}"
+            arm, upright, elbow = f"arm_{number}", f"upright_{number}", f"elbow_{number}"
             zero = _about(Y, leg[delta.ZERO])
             hinge = stand @ _tilted(leg[delta.TILT_X], leg[delta.TILT_Z])
+            kept = _tilted(leg[delta.ELBOW_X], leg[delta.ELBOW_Z])
             place = stand @ leg[delta.BASE]
             width = Y * float(leg[delta.ELBOW].max())
             along = X * float(leg[delta.ARM])
             links += [
                 Link(arm, (Cylinder(0 * X, along, _THICK, ORANGE),)),
+                Link(upright),
                 Link(elbow, (Cylinder(-width, width, _THIN, BLACK),)),
             ]
             joints += [
                 motor(robot, number - 1, BASE, arm, Frame(hinge @ zero, place), Y),
-                Joint(elbow, CONTINUOUS, arm, elbow, Frame(zero.T, along), Y),
+                Joint(upright, CONTINUOUS, arm, upright, Frame(zero.T, along), Y),
+                Joint(elbow, CONTINUOUS, upright, elbow, Frame(kept @ zero, 0 * X), Y),
             ]
             struts += _rods(number, leg, elbow, stand)
         drawn = robot.dimensions
@@ -75,7 +82,7 @@ class SixRodDeltaLook(Look):
 
 def _rods(number: int, leg: Array, elbow: str, stand: Array) -> list[Strut]:
     """The two rods of a leg; `stand` (3, 3) is the rotation of the leg's frame in the base."""
-    line = _tilted(leg[delta.ELBOW_X], leg[delta.ELBOW_Z]) @ Y
+    line = _tilted(leg[delta.ON_ARM_X], leg[delta.ON_ARM_Z]) @ Y
     crooked = _tilted(leg[delta.LINE_X], leg[delta.LINE_Z]) @ Y
     rods = []
     for side, letter in enumerate("ab"):
@@ -90,9 +97,10 @@ def _rods(number: int, leg: Array, elbow: str, stand: Array) -> list[Strut]:
 
 
 def _upright(values: Values, robot: Robot, mechanism: Mechanism) -> Values:
-    """Turn the elbows back by the angles of the arms."""
+    """Turn the elbows back by the angles of the arms, and on again."""
     own = mechanism.drives.own(np.stack([values[name] for name in robot.joints.names], axis=-1))
-    return {f"elbow_{leg + 1}": -own[..., leg] for leg in range(LEGS)}
+    parts = {"upright": -own, "elbow": own}
+    return {f"{part}_{n + 1}": by[..., n] for part, by in parts.items() for n in range(LEGS)}
 
 
 def _tilted(about_x: Array, about_z: Array) -> Array:

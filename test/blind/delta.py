@@ -81,7 +81,7 @@ class Delta(Kind):
         moments and kinetic energy are then those of a uniform rod.
         """
         n = len(stand.place)
-        foot = build.arms[2].mean(axis=1)
+        foot, _ = build.hinges
         arms = foot + ARM_CENTRE * (stand.arms - foot)
         upper, lower = stand.elbows.reshape(n, 6, 3), stand.ends().reshape(n, 6, 3)
         where = np.concatenate(

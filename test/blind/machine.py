@@ -37,20 +37,22 @@ class Build:
     arm: Array  # (3,)
     rod: Array  # (3, 2)
     elbow: Array  # (3, 2) ball joint from the middle of its pair
-    elbow_line: Array  # (3, 3) rotation vector of the pair's line, in the hinge's directions
+    elbow_line: Array  # (3, 3) rotation vector of the pair's line, in the arm's directions
     platform: Array  # (3, 3) middle of the platform's pair, in the leg's directions
     ball: Array  # (3, 2)
     platform_line: Array  # (3, 3)
 
     @cached_property
-    def arms(self) -> tuple[Array, Array, Array]:
-        """Arm vectors at 0 and -90 degrees, both (3, 3), and rod ends at the elbows (3, 2, 3)."""
+    def hinges(self) -> tuple[Array, Array]:
+        """Places of the hinges (3, 3), and directions x, y, z of each in columns (3, 3, 3)."""
         turned = LEGS @ Rotation.from_rotvec(self.tilt).as_matrix()
+        return np.einsum("lij,lj->li", LEGS, self.hinge), turned
+
+    @cached_property
+    def ends(self) -> Array:
+        """Ball joints from the ends of the arms, in the directions of the arms, (3, 2, 3) [m]."""
         line = Rotation.from_rotvec(self.elbow_line).apply([0.0, 1.0, 0.0])
-        ends = (SIDES * self.elbow)[:, :, None] * line[:, None]
-        foot = np.einsum("lij,lj->li", LEGS, self.hinge)
-        fixed = foot[:, None] + np.einsum("lij,lsj->lsi", turned, ends)
-        return turned[:, :, 0], turned[:, :, 2], fixed
+        return (SIDES * self.elbow)[:, :, None] * line[:, None]
 
     @cached_property
     def balls(self) -> Array:
@@ -210,11 +212,17 @@ def assemble(
 
 def _elbows(q: Array, build: Build, changed: Changed) -> tuple[Array, Array]:
     """Middle of each elbow (n, 3, 3), and its ball joints (n, 3, 2, 3) [m]."""
-    level, up, fixed = build.arms
-    angle, reach = q + build.zero, build.arm + changed.arm
-    arm = (reach * np.cos(angle))[..., None] * level - (reach * np.sin(angle))[..., None] * up
-    arm = arm + changed.outward[..., None] * LEGS[:, :, 0]
-    return arm + fixed.mean(axis=1), arm[:, :, None] + fixed
+    foot, turned = build.hinges
+    cosine, sine = np.cos(q + build.zero), np.sin(q + build.zero)
+    along, across, normal = np.moveaxis(turned, 2, 0)
+    ahead = cosine[..., None] * along - sine[..., None] * normal
+    above = sine[..., None] * along + cosine[..., None] * normal
+    x, y, z = np.moveaxis(build.ends, 2, 0)[..., None]
+    arm = foot + changed.outward[..., None] * LEGS[:, :, 0]
+    arm = arm + (build.arm + changed.arm)[..., None] * ahead
+    aside = x * ahead[:, :, None] + y * across[:, None] + z * above[:, :, None]
+    balls = arm[:, :, None] + aside
+    return balls.mean(axis=2), balls
 
 
 def _start(arms: Array, build: Build, length: Array) -> Array:

@@ -113,12 +113,11 @@ def _leg(base: Xml.Element, machine: Machine, leg: int) -> Xml.Element:
     _add(motor, "inertial", pos=(0, 0, 0), mass=1e-3, diaginertia=3 * (1e-6,))
     arm = _add(base, "body", name=f"arm_{leg}", **frame)
     _add(arm, "joint", name=f"arm_{leg}", axis=(0, 1, 0), frictionloss=machine.friction[leg])
-    length = machine.arm[leg]
-    inertia = ARM_KG * _ARM_INERTIA * length**2
-    centre = (ARM_CENTRE * length, 0, 0)
+    inertia = ARM_KG * _ARM_INERTIA * machine.arm[leg] ** 2
+    centre = (ARM_CENTRE * machine.arm[leg], 0, 0)
     _add(arm, "inertial", pos=centre, mass=ARM_KG, diaginertia=(1e-3, inertia, inertia))
     for side in range(2):
-        _add(arm, "site", name=f"elbow_{leg}{side}", pos=(length, SIDES[side] * HALF, 0))
+        _add(arm, "site", name=f"elbow_{leg}{side}", pos=machine.elbow(leg, side))
     return arm
 
 
@@ -139,7 +138,6 @@ def _drive(equality: Xml.Element, tendon: Xml.Element, machine: Machine, leg: in
 def _rod(arm: Xml.Element, platform: Xml.Element, machine: Machine, leg: int, side: int) -> None:
     """Add a rod on a ball joint at its sound end, pointing at the other as in the home pose."""
     outward, along = _directions(leg)
-    elbow = np.array([machine.arm[leg], SIDES[side] * HALF, 0.0])
     reach = RADIUS + machine.arm[leg] - PLATFORM
     way = np.array([-reach, 0.0, -_height()]) / np.hypot(reach, _height())
     ball = outward * PLATFORM + _placed(machine.ball[leg], leg) + along * SIDES[side] * HALF
@@ -150,7 +148,7 @@ def _rod(arm: Xml.Element, platform: Xml.Element, machine: Machine, leg: int, si
         frame = {"pos": ball, "xyaxes": (*back, *along)}
         parent = platform
     else:
-        frame = {"pos": elbow, "xyaxes": (*way, 0, 1, 0)}
+        frame = {"pos": machine.elbow(leg, side), "xyaxes": (*way, 0, 1, 0)}
         parent = arm
     rod = _add(parent, "body", name=f"rod_{name}", **frame)
     _add(rod, "joint", type="ball", damping=_SLIPPERY)

@@ -31,6 +31,8 @@ class Machine:
         ball: of the middle of each pair of ball joints on the platform, the same, (3, 3) [m].
         arm: of each arm, (3,) [m].
         rod: of each rod, (3, 2) [m].
+        line: direction of each arm's pair of ball joints, rotated about the arm's length and about
+            the normal of arm and motor's axis, (3, 2) [rad].
         zero: by which an arm is ahead of its motor, (3,) [rad].
         drive: stiffness of each drive [N m/rad]; infinite: rigid.
         gap: backlash of each drive, from flank to flank, (3,) [rad].
@@ -46,6 +48,7 @@ class Machine:
     ball: Array
     arm: Array
     rod: Array
+    line: Array
     zero: Array
     drive: Array
     gap: Array
@@ -55,6 +58,13 @@ class Machine:
     worn: str = PLATFORM_END
     mount: float = np.inf
     feet: float = 0.0
+
+    def elbow(self, leg: int, side: int) -> Array:
+        """Ball joint of a rod on its arm: along the arm, the motor's axis, normal, (3,) [m]."""
+        about_length, about_normal = self.line[leg]
+        line = np.array([-about_normal, 1.0, about_length])
+        middle = np.array([self.arm[leg], 0.0, 0.0])
+        return middle + SIDES[side] * HALF * line / np.linalg.norm(line)
 
     def with_(self, **faults: Array | float | str) -> Machine:
         """The same machine with faults; a value of each drive may be one number for all."""
@@ -75,6 +85,7 @@ def as_drawn() -> Machine:
         ball=np.zeros((3, 3)),
         arm=np.full(3, ARM),
         rod=np.full((3, 2), ROD),
+        line=np.zeros((3, 2)),
         zero=_none(),
         drive=np.full(3, np.inf),
         gap=_none(),
@@ -94,4 +105,5 @@ def from_the_workshop(rng: np.random.Generator) -> Machine:
         arm=ARM + rng.normal(0, 0.15e-3, 3),
         rod=rod[:, None] + np.array(SIDES) * apart[:, None] / 2,
         zero=rng.normal(0, 0.8e-3, 3),
+        line=rng.normal(0, 0.5e-3, (3, 2)),
     )

@@ -4,9 +4,9 @@ from math import acos, atan2, floor, sqrt
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('x', 6), ('g', 20), ('c', 2)), 1, ('g', 'c'), (), (), ())
-SIZE = 41
-SHARED = (41, 41)
+LAYOUT = ((('x', 6), ('g', 22), ('c', 2)), 1, ('g', 'c'), (), (), ())
+SIZE = 43
+SHARED = (43, 43)
 
 
 def setup(w):
@@ -37,9 +37,9 @@ def setup(w):
     t23 = 0.5 - t22
     t24 = i13 * i12
     t25 = t23 * t24
-    w[29] = t25
+    w[31] = t25
     t35 = i6 - i9
-    w[30] = t35
+    w[32] = t35
     t45 = 1.6059043836821613e-10 * t5
     t46 = 2.505210838544172e-08 - t45
     t47 = t5 * t46
@@ -53,59 +53,59 @@ def setup(w):
     t55 = t5 * t54
     t56 = 1.0 - t55
     t57 = t56 * i12
-    w[31] = t57
+    w[33] = t57
     t63 = i7 - i10
-    w[32] = t63
+    w[34] = t63
     t67 = t23 * t2
     t68 = 1.0 - t67
-    w[33] = t68
+    w[35] = t68
     t72 = i8 - i11
-    w[34] = t72
+    w[36] = t72
     t77 = t23 * t4
     t78 = 1.0 - t77
-    w[35] = t78
+    w[37] = t78
     t80 = t56 * i13
-    w[36] = t80
+    w[38] = t80
     t83 = i12 * i13
     t84 = t23 * t83
-    w[37] = t84
+    w[39] = t84
     t89 = t4 + t2
     t90 = t23 * t89
     t91 = 1.0 - t90
-    w[38] = t91
+    w[40] = t91
     t102 = i15 * i15
-    w[39] = t102
+    w[41] = t102
     t105 = i16 * i16
-    w[40] = t105
+    w[42] = t105
 
 
 def full(w):
-    i26 = w[26]
+    i28 = w[28]
     i0 = w[0]
-    i27 = w[27]
+    i29 = w[29]
     i1 = w[1]
-    t35 = w[30]
-    t25 = w[29]
-    t63 = w[32]
-    t57 = w[31]
+    t35 = w[32]
+    t25 = w[31]
+    t63 = w[34]
+    t57 = w[33]
     i2 = w[2]
-    t72 = w[34]
-    t68 = w[33]
-    t78 = w[35]
-    t80 = w[36]
-    t84 = w[37]
-    t91 = w[38]
-    t102 = w[39]
-    t105 = w[40]
+    t72 = w[36]
+    t68 = w[35]
+    t78 = w[37]
+    t80 = w[38]
+    t84 = w[39]
+    t91 = w[40]
+    t102 = w[41]
+    t105 = w[42]
     i15 = w[15]
     i14 = w[14]
-    t28 = i26 * i0
-    t31 = i27 * i1
+    t28 = i28 * i0
+    t31 = i29 * i1
     t32 = t28 + t31
     t36 = t32 - t35
     t37 = t25 * t36
-    t58 = i26 * i1
-    t59 = i27 * i0
+    t58 = i28 * i1
+    t59 = i29 * i0
     t60 = t58 - t59
     t64 = t60 - t63
     t65 = t57 * t64
@@ -145,13 +145,13 @@ def full(w):
     t121 = floor(t120)
     t122 = 6.283185307179586 * t121
     t123 = t116 + t122
-    w[28] = t123
+    w[30] = t123
 
 
 ADDRESSES = {
-    "setup": law(setup, "9e95fbf35f80e9ad"),
+    "setup": law(setup, "55af1cfd5fc707dc"),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "9e95fbf35f80e9ad"),
+    "full": law(full, "55af1cfd5fc707dc"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
