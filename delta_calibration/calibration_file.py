@@ -135,8 +135,10 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
     found = tuple(entry["name"] for entry in data["parameters"])
     if found != expected:
         odd = sorted(set(found) ^ set(expected)) or ["their order"]
+        shown = ", ".join(odd[:6]) + (" and more" if len(odd) > 6 else "")
         raise ConfigError(
-            f"{source}: parameters: do not belong to model {data['model']!r}: {', '.join(odd[:5])}"
+            f"{source}: parameters: do not belong to model {data['model']!r} of this version: "
+            f"{shown}; fit again"
         )
     theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
     _require_possible(source, chain, chain.split(theta)[0])

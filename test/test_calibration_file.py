@@ -255,7 +255,7 @@ def test_parameters_of_another_model_are_refused_though_the_seal_fits(written):
 
     assert "arm_1, gap_1" in refusal(sealed(written, renamed))
     sealed(written, lambda data: data["parameters"][6].update(name="arm_1"))
-    assert "parameters: do not belong to model 'rotary_delta': their order" in refusal(
+    assert "parameters: do not belong to model 'rotary_delta' of this version: their order" in refusal(
         sealed(written, swapped)
     )
     assert "model: no mechanism 'scara'; there are: " in refusal(

@@ -29,7 +29,7 @@ def scattered(rng, scale=3.0):
 
 
 def test_readings_of_a_crooked_machine():
-    """All sixty errors by name, a reflector 60 mm off, a rotated tracker: to a nanometre."""
+    """All sixty-six errors by name, a reflector 60 mm off, a rotated tracker: to a nanometre."""
     rng = np.random.default_rng(1)
     errors, q = scattered(rng), workspace(30, rng)
     cell = Cell(SixRods(errors), (0.06, -0.03, 0.02))

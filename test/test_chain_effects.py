@@ -203,7 +203,7 @@ def test_a_stage_shifts_in_proportion_and_not_at_all_at_zero(model: str, cause: 
         shift = one[stage] - zero[stage]
         assert (np.abs(shift).max() > 1e-6) == (stage == moved)
         # Loads are those of the displaced machine: three times as far, other loads.
-        rounding = 1e-14 + (cause in LOADED) * 1e-3 * np.abs(3 * shift).max()
+        rounding = 1e-14 + (cause in LOADED) * 2e-3 * np.abs(3 * shift).max()
         np.testing.assert_allclose(three[stage] - zero[stage], 3 * shift, atol=rounding)
 
 
@@ -291,21 +291,21 @@ def test_theta_holds_the_effects_in_their_order_behind_the_cell() -> None:
     model, causes = "six_rod_delta", ("stick_slip", "tracker_drift", "forearm_compliance")
     chain, theta = crooked(model, *(effect(model, cause) for cause in causes))
     sizes = [3, 6, 1]
-    assert (chain.layout.geometry_size, chain.layout.base.stop, len(theta)) == (60, 69, 79)
+    assert (chain.layout.geometry_size, chain.layout.base.stop, len(theta)) == (66, 75, 85)
     names = chain.parameters.names
-    assert names[:69] == chain.with_effects(()).parameters.names
-    assert names[69:72] == ("stick_slip.stick_1", "stick_slip.stick_2", "stick_slip.stick_3")
+    assert names[:75] == chain.with_effects(()).parameters.names
+    assert names[75:78] == ("stick_slip.stick_1", "stick_slip.stick_2", "stick_slip.stick_3")
     assert names[-1] == "forearm_compliance.rod_compliance"
     values = chain.effect_values(theta)
     assert [len(value) for value in values] == sizes
-    np.testing.assert_array_equal(np.concatenate(values), theta[69:])
+    np.testing.assert_array_equal(np.concatenate(values), theta[75:])
     typical = np.concatenate([e.parameters.prior for e in chain.effects])
-    np.testing.assert_allclose(chain.parameters.prior[69:], 5 * typical)  # five typical sizes
+    np.testing.assert_allclose(chain.parameters.prior[75:], 5 * typical)  # five typical sizes
     g, offset, frame = chain.split(theta)
     bare = chain.join(g, offset, frame)
-    np.testing.assert_allclose(bare[:69], theta[:69], atol=1e-14)
-    assert not bare[69:].any()
-    assert chain.with_effects(()).effect_values(theta[:69]) == ()
+    np.testing.assert_allclose(bare[:75], theta[:75], atol=1e-14)
+    assert not bare[75:].any()
+    assert chain.with_effects(()).effect_values(theta[:75]) == ()
     with pytest.raises(InputError, match=r"found twice: stick_slip\.stick_1"):
         _ = chain.with_effects((*chain.effects, effect(model, "stick_slip", speed=0.3))).parameters
 

@@ -65,7 +65,7 @@ def write_points(path, rows):
 def test_fit_says_what_it_found(cell, capsys):
     assert run(["fit", str(cell / "session"), "--robot", ROBOT, "-v"]) == 0
     said = capsys.readouterr().out
-    assert "rank 33 of 69 parameters" in said
+    assert "rank 38 of 75 parameters" in said
     assert "before: nominal + frame" in said
     assert "platform_radial_1 has the same effect as -1 base_radial_1" in said
     assert run(["fit", str(cell / "session"), "--robot", ROBOT, "--model", "rotary_delta"]) == 0

@@ -40,7 +40,7 @@ def calibration(wrong, robot=ROBOT, reach=0.66):
     mechanism = robot.model("six_rod_delta")
     chain = Chain(mechanism, np.zeros(3), 0.05)
     theta = chain.join(mechanism.parameters.nominal, np.zeros(3), Frame.identity())
-    theta[:60] += np.array([wrong.get(name, 0.0) for name in mechanism.parameters.names])
+    theta[: len(mechanism.parameters)] += [wrong.get(n, 0.0) for n in mechanism.parameters.names]
     turn = np.linspace(0, 2 * np.pi, 60)
     rim = [[reach * np.cos(a), reach * np.sin(a), z] for a in turn for z in (-0.95, -0.55)]
     return Calibration(

@@ -36,14 +36,14 @@ def test_a_machine_is_found_where_it_was_not_measured(seed):
     assert result.frame_only.held_out > 10 * result.noise.floor
     assert result.full.held_out < 1.3 * result.noise.floor
     assert result.full.in_sample < result.full.held_out < result.full.held_out_max
-    # 33 identifiable combinations from 192 coordinates: the prediction error has 33 / 159 of the
+    # 38 identifiable combinations from 192 coordinates: the prediction error has 38 / 154 of the
     # variance of the noise
-    assert result.full.held_out_whitened == pytest.approx(np.sqrt(1 + 33 / 159), abs=0.2)
+    assert result.full.held_out_whitened == pytest.approx(np.sqrt(1 + 38 / 154), abs=0.2)
     assert result.chi_square == pytest.approx(1, abs=0.25)
 
 
 def combinations(cell, poses, result):
-    """Errors of the 33 identifiable combinations, divided by their claimed standard errors.
+    """Errors of the 38 identifiable combinations, divided by their claimed standard errors.
 
     The combinations are the independent directions of the claimed covariance of the prediction at
     the measured places. The truth comes from the other model, so the gauge does not matter.
@@ -52,7 +52,7 @@ def combinations(cell, poses, result):
     jacobian = jacobian.reshape(-1, len(result.theta))
     values, axes = np.linalg.eigh(jacobian @ result.covariance @ jacobian.T)
     error = (prediction(result, poses.joint) - cell.reading(poses.joint)).reshape(-1)
-    return (axes.T @ error)[-33:] / np.sqrt(values[-33:])
+    return (axes.T @ error)[-38:] / np.sqrt(values[-38:])
 
 
 @pytest.mark.slow
@@ -111,8 +111,8 @@ def test_knocked_poses_are_set_aside_and_do_no_harm(rows, size):
 def test_frame_alone_is_the_nominal_machine_and_stands_beside():
     _, poses, result = found(1)
     nominal = PARAMETERS.nominal
-    np.testing.assert_array_equal(result.frame_only_theta[:60], nominal)
-    np.testing.assert_array_equal(result.frame_only_theta[60:63], 0)
+    np.testing.assert_array_equal(result.frame_only_theta[:66], nominal)
+    np.testing.assert_array_equal(result.frame_only_theta[66:69], 0)
     fitted = result.chain.predict(poses.conditions, result.frame_only_theta)
     assert rms(fitted - poses.point) == pytest.approx(result.frame_only.in_sample)
     assert result.frame_only.in_sample > 10 * result.full.in_sample
@@ -219,7 +219,7 @@ def test_too_few_places_are_refused_however_often_measured():
 def test_kept_session_without_a_cause():
     poses = collect(read_session(SESSIONS / "none"), ROBOT.joints.names)
     six, three = identify(poses, ROBOT), identify(poses, ROBOT, "rotary_delta")
-    for result, rank in ((six, 33), (three, 24)):
+    for result, rank in ((six, 38), (three, 24)):
         assert 7.5e-6 < result.noise.floor < 9.5e-6
         assert result.full.held_out <= 1.2 * result.noise.floor
         assert result.observability.rank == rank

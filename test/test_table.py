@@ -50,7 +50,7 @@ def calibration(
     )
     chain = Chain(mechanism, np.zeros(3), 0.05, made)
     theta = chain.join(mechanism.parameters.nominal, np.zeros(3), Frame.identity())
-    theta[:60] += np.array([wrong.get(name, 0.0) for name in mechanism.parameters.names])
+    theta[: len(mechanism.parameters)] += [wrong.get(n, 0.0) for n in mechanism.parameters.names]
     values = [
         size * np.ones(len(e.parameters))
         for e, (_, size) in zip(made, (effects or {}).values(), strict=True)
