@@ -22,9 +22,10 @@ from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
 from delta_calibration.effects.drum_build_up import DrumBuildUp, let_out
+from delta_calibration.effects.drum_eccentricity import DrumEccentricity
 from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.pretension_loss import PretensionLoss
-from delta_calibration.effects.pulley_radius import PulleyRadius, excess
+from delta_calibration.effects.pulley_radius import ABOVE, BELOW, PulleyRadius, excess
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.robot import load_robot
@@ -33,7 +34,7 @@ from study.trials import Task
 
 GRAVITY = 9.80665
 ROBOT = load_robot("cdpr8")
-ALL = (CableElasticity, CableSag, DrumBuildUp, DrumScale, PulleyRadius)  # zero at home
+ALL = (CableElasticity, CableSag, DrumBuildUp, DrumEccentricity, DrumScale, PulleyRadius)  # zero at home
 CABLES = CableRobot(EIGHT_CABLES, TOLERANCES)
 G = CABLES.parameters.nominal
 X = workspace(EIGHT_CABLES, 12, np.random.default_rng(1))
@@ -109,6 +110,19 @@ def test_build_up_acts_through_gear_and_tackle():
     drum = turn / 12.75
     wanted = (0.05 * drum - build_up * drum**2 / 4) / d.tackle
     np.testing.assert_allclose(d.gain * (turn + shift), wanted, rtol=1e-12)
+
+
+def test_an_eccentric_drum_lets_out_what_an_eccentric_circle_does():
+    """A circle about a point beside its centre: it winds r phi, and carries the cable with it."""
+    d = replace(FOUR_CABLES, gear=np.full(4, 12.75), tackle=np.array([1.0, 2.0, 2.0, 4.0]))
+    robot, turn = CableRobot(d, TOLERANCES), np.array([[50.0, -80.0, 120.0, 200.0]])
+    sine, cosine = 2e-4, -1e-4
+    values = np.repeat([sine, cosine], 4)
+    shift = DrumEccentricity(ROBOT, robot).columns(at_rest(turn)) @ values
+    phi = turn / 12.75
+    # The cable leaves along x. Where the middle of the groove goes, the tangent point goes.
+    ahead = np.real((cosine - 1j * sine) * np.exp(1j * phi))
+    np.testing.assert_allclose(d.gain * shift, (ahead - cosine) / d.tackle, atol=1e-15)
 
 
 def test_elasticity_is_what_unstretched_lengths_under_tension_give():
@@ -229,14 +243,15 @@ def test_sag_of_a_slack_cable_is_refused():
         effect.columns(AT)
 
 
+@pytest.mark.parametrize("side", [BELOW, ABOVE])
 @pytest.mark.parametrize(("level", "above"), [(2.0, -1.0), (1.5, 1.0), (0.5, -2.0), (3.0, 0.0)])
-def test_pulley_is_a_taut_string_around_a_disc(level, above):
-    """Convex hull of the disc, a distant point down the swivel axis and the joint."""
+def test_pulley_is_a_taut_string_around_a_disc(level, above, side):
+    """Convex hull of the disc, a distant point along the swivel axis and the joint."""
     radius, far, count = 0.05, 20.0, 100_000
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
     disc = radius * np.column_stack([1 + np.cos(turn), np.sin(turn)])
-    below, joint = np.array([0.0, -far]), np.array([level, above])
-    points = np.vstack([disc, below, joint])
+    start, joint = np.array([0.0, -far if side == BELOW else far]), np.array([level, above])
+    points = np.vstack([disc, start, joint])
     hull = ConvexHull(points).vertices.tolist()
     first, last = hull.index(count), hull.index(count + 1)
     ring = [hull[(first + step) % len(hull)] for step in range(len(hull) + 1)]
@@ -246,14 +261,14 @@ def test_pulley_is_a_taut_string_around_a_disc(level, above):
     over = max(zip(map(len, sides), lengths, strict=True))[1]  # the side that contains the disc
     string = over - far
     away = DM([0.6 * level, 0.8 * level, above])
-    written = np.hypot(level, above) + float(excess(away, radius))
+    written = np.hypot(level, above) + float(excess(away, radius, side))
     assert written == pytest.approx(string, abs=1e-8)
 
 
 def test_pulley_is_exact_at_the_radius_that_was_found():
     effect, radius = PulleyRadius(ROBOT, CABLES), np.array([0.03])
     refined = effect.refined(radius)
-    assert refined.settings == {"radius": 0.03}
+    assert refined.settings == {"radius": 0.03, "upper": BELOW, "lower": BELOW}
     roughly, exactly = (e.columns(AT) @ radius * EIGHT_CABLES.gain for e in (effect, refined))
     second = 0.03**2  # over a length of about a metre or more
     assert 1e-6 < np.abs(roughly - exactly).max() < second

@@ -57,6 +57,9 @@ Structure:
                         has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection base_compliance
   flange_compliance     behind=M: from the tool centre point to the flange
+  pulley_radius         upper=-1: the cables come from above to the pulleys
+                        above the platform, lower=-1: to those below it;
+                        1: from below
   pretension_loss       settles with time_constant=S; 0: linear over an hour
   ball_joint_clearance  force=N: load that takes it from end to end (0: any);
                         end=1: at the elbow, -1: at the platform, 0: at both
@@ -71,7 +74,7 @@ By robot:
                         platform_joint_position transmission_error slider_pitch
   cdpr8                 base_joint_position platform_joint_position drum_scale
                         encoder_eccentricity cable_elasticity cable_sag
-                        pulley_radius drum_build_up
+                        pulley_radius drum_build_up drum_eccentricity
                         pretension_loss
   scara, ur10           flange_compliance
                         joint_zero_offset joint_axis_tilt link_length

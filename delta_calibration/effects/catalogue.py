@@ -11,6 +11,7 @@ from delta_calibration.effects.base_compliance import BaseCompliance
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag
 from delta_calibration.effects.drum_build_up import DrumBuildUp
+from delta_calibration.effects.drum_eccentricity import DrumEccentricity
 from delta_calibration.effects.drum_scale import DrumScale
 from delta_calibration.effects.dynamic_deflection import DynamicDeflection
 from delta_calibration.effects.encoder_eccentricity import EncoderEccentricity
@@ -70,6 +71,7 @@ EFFECTS: Registry[Effect] = Registry(
         PulleyRadius,
         DrumBuildUp,
         DrumScale,
+        DrumEccentricity,
         SliderPitch,
         ReducerCompliance,
         GravitySag,

@@ -20,6 +20,7 @@ _PULLEY = 20e-3  # [m]
 _DRUM = 1e-3
 _LOST = 0.15  # share of the pretension
 _LAYER = 30e-6  # [m^2/m]
+_RUN_OUT = 0.15e-3  # [m] of a drum's groove
 
 
 def _lets_out(state: State, more: Array) -> None:
@@ -92,13 +93,14 @@ def cable_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     return Cause("cable_sag", act, {"weight_squared": weight**2})
 
 
-def _over_pulley(away: Array, radius: float) -> Array:
+def _over_pulley(away: Array, radius: float, rising: Array) -> Array:
     """Cable from the swivel axis round the groove and straight to the platform joint [m].
 
     In the pulley's plane the cable leaves tangentially: there the line from the groove is at right
-    angles to the radius.
+    angles to the radius. A cable that comes from above is the mirror image of one that rises.
     """
-    level, above = np.hypot(away[..., 0], away[..., 1]) - radius, away[..., 2]
+    level = np.hypot(away[..., 0], away[..., 1]) - radius
+    above = np.where(rising, away[..., 2], -away[..., 2])
     far = np.hypot(level, above)
     free = np.sqrt(far**2 - radius**2)
     towards = np.arctan2(above, level)  # angle of the joint seen from the pulley's centre
@@ -107,13 +109,18 @@ def _over_pulley(away: Array, radius: float) -> Array:
 
 
 def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Cables run over swivelling pulleys that the controller models as points."""
+    """Cables run over swivelling pulleys that the controller models as points.
+
+    To the pulleys above the platform, and to those below it, they come from either side.
+    """
     radius = strength * _PULLEY
+    high, low = rng.random(2) < 0.5
 
     def act(world: World, state: State) -> None:
         here, _, home, _ = _here_and_home(world)
-        more = _over_pulley(here, radius) - np.linalg.norm(here, axis=2)
-        less = _over_pulley(home, radius) - np.linalg.norm(home, axis=2)
+        rising = np.where(home[..., 2] > 0, low, high)
+        more = _over_pulley(here, radius, rising) - np.linalg.norm(here, axis=2)
+        less = _over_pulley(home, radius, rising) - np.linalg.norm(home, axis=2)
         _lets_out(state, less - more)
 
     return Cause("pulley_radius", act, {"radius": radius})
@@ -131,6 +138,24 @@ def drum_build_up(rng: np.random.Generator, strength: float, legs: Array) -> Cau
         _lets_out(state, out - radius * drum)
 
     return Cause("drum_build_up", act, {"build_up": layer})
+
+
+def drum_eccentricity(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """A drum turns about a point beside the middle of its groove.
+
+    The point where the cable comes off moves along the cable as the groove's middle does.
+    """
+    out, start = strength * _RUN_OUT, rng.uniform(-np.pi, np.pi)
+    drum = int(rng.choice(np.flatnonzero(legs)))
+
+    def act(world: World, state: State) -> None:
+        turn = world.command[:, drum] / CDPR8.gear[drum]
+        more = np.zeros_like(world.command)
+        more[:, drum] = out * (np.sin(start + turn) - np.sin(start))
+        _lets_out(state, more)
+
+    values = {f"sine_{drum + 1}": out * np.cos(start), f"cosine_{drum + 1}": out * np.sin(start)}
+    return Cause("drum_eccentricity", act, values, location=f"cable_{drum + 1}")
 
 
 def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
@@ -152,6 +177,7 @@ def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
         "cable_sag": cable_sag,
         "pulley_radius": pulley_radius,
         "drum_build_up": drum_build_up,
+        "drum_eccentricity": drum_eccentricity,
         "pretension_loss": pretension_loss,
         "base_joint_position": wrong("base_joint_position", "anchor", 10e-3),
         "platform_joint_position": wrong("platform_joint_position", "joint", 3e-3),
