@@ -34,7 +34,8 @@ from study.trials import Task
 
 GRAVITY = 9.80665
 ROBOT = load_robot("cdpr8")
-ALL = (CableElasticity, CableSag, DrumBuildUp, DrumEccentricity, DrumScale, PulleyRadius)  # zero at home
+DRUMS = DrumBuildUp, DrumEccentricity, DrumScale
+ALL = (CableElasticity, CableSag, *DRUMS, PulleyRadius)  # zero at home
 CABLES = CableRobot(EIGHT_CABLES, TOLERANCES)
 G = CABLES.parameters.nominal
 X = workspace(EIGHT_CABLES, 12, np.random.default_rng(1))

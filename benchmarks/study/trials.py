@@ -73,6 +73,7 @@ OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "cable_sag",
             "pulley_radius",
             "drum_build_up",
+            "drum_eccentricity",
         ),
         ("base_joint_position", "platform_joint_position", "drum_scale"),
     ),

@@ -23,7 +23,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DrumEccentricity(CableEffect):
-    """Error of one cycle per turn of each drum; without a gear it is the encoder's eccentricity."""
+    """Error of one cycle per turn of each drum, behind a gear: else it is the encoder's."""
 
     cause: ClassVar[str] = "drum_eccentricity"
     remedy: ClassVar[Remedy] = Remedy(

@@ -32,9 +32,7 @@ from delta_calibration.model.symbols import Symbol, atan2, sqrt
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
-
 BELOW, ABOVE = 1.0, -1.0  # side from which the cable comes, as a sign of z
-_SIDES = {BELOW: "below", ABOVE: "above"}
 
 
 def excess(away: Symbol, radius: Symbol, side: Symbol = BELOW) -> Symbol:
@@ -95,8 +93,8 @@ class PulleyRadius(CableEffect):
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One term per cable; the last constant is the side from which it comes."""
-        sides = np.where(self._is_upper, self.upper, self.lower).tolist()
-        for term, side in zip(super().terms(places), sides, strict=True):
+        sides = np.where(np.where(self._is_upper, self.upper, self.lower) < 0, ABOVE, BELOW)
+        for term, side in zip(super().terms(places), sides.tolist(), strict=True):
             yield replace(term, constants=(*term.constants, side))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
@@ -109,11 +107,10 @@ class PulleyRadius(CableEffect):
 
     @property
     def chosen(self) -> dict[str, str]:
-        """Sides from which the cables come, unless all come from below."""
-        if self.upper == self.lower == BELOW:
-            return {}
-        sides = f"{_SIDES[self.upper]} to upper pulleys, {_SIDES[self.lower]} to lower ones"
-        return {"cables_come": f"from {sides}" if self.upper != self.lower else "from above"}
+        """Where the cables come from above, if anywhere."""
+        where = {"upper pulleys": self.upper < 0, "lower pulleys": self.lower < 0}
+        from_above = [name for name, above in where.items() if above]
+        return {"cables_come_from_above": " and ".join(from_above)} if from_above else {}
 
     def refined(self, values: Array) -> PulleyRadius:
         """The effect linearized at the identified radius."""
