@@ -18,6 +18,7 @@ from delta_calibration.documents import content_hash, load_schema, read_document
 from delta_calibration.effects import Effect, effect_named
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.estimation import Identification, Residuals, chain_of
+from delta_calibration.mechanisms.possible import impossible
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.uncertainty import ModelError, Uncertainty
@@ -25,7 +26,6 @@ from delta_calibration.uncertainty import ModelError, Uncertainty
 Array = NDArray[np.float64]
 
 _SEAL = "sha256"
-_FAR = 20.0  # a parameter whose nominal value exceeds this many priors is a length
 
 
 def from_identification(found: Identification, robot: Robot, poses: Poses) -> Calibration:
@@ -141,7 +141,8 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
             f"{shown}; fit again"
         )
     theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
-    _require_possible(source, chain, chain.split(theta)[0])
+    if wrong := impossible(chain.mechanism, chain.split(theta)[0]):
+        raise ConfigError(f"{source}: parameters: {wrong}")
     region = data["region"]
     lower, upper = _joint_range(source, region, robot)
     return Calibration(
@@ -231,25 +232,6 @@ def _uncertainty_told(found: Identification) -> dict[str, Any]:
         **({"repeatability_urad": 1e6 * rest} if rest != found.noise.repeatability else {}),
         **({"repeatability_degrees_of_freedom": known} if np.isfinite(known) else {}),
     }
-
-
-def _require_possible(source: str, chain: Chain, geometry: Array) -> None:
-    """Refuse lengths that are not positive, and dimensions that have no pose at home."""
-    mechanism = chain.mechanism
-    for parameter, value in zip(mechanism.parameters, geometry.tolist(), strict=True):
-        # Only a length is so many tolerances away from zero.
-        if parameter.nominal > _FAR * parameter.prior and value <= 0.0:
-            raise ConfigError(
-                f"{source}: parameters: {parameter.name} is {value:g} {parameter.unit}; "
-                "it has to be above 0"
-            )
-    with np.errstate(all="ignore"):
-        pose = mechanism.forward(mechanism.home[None], geometry)
-    if not np.isfinite(pose).all():
-        raise ConfigError(
-            f"{source}: parameters: a {mechanism.name} of these dimensions has no pose at home, "
-            f"joints at {mechanism.home.tolist()}"
-        )
 
 
 def _joint_range(source: str, region: Mapping[str, Any], robot: Robot) -> tuple[Array, Array]:

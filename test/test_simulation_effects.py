@@ -439,6 +439,9 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
         ("arm_length:value=1,strength=1", "only one of value, strength can be given"),
         ("backlash:value", "effect backlash:value: 'value' is not of the form key=value"),
         ("backlash:value=1,value=2", "value is given twice"),
+        ("arm_length:value=-0.4", r"cannot be built: arm_1 is -0.0\d+ m; it has to be above 0"),
+        ("forearm_length:value=-0.5", "cannot be built: a six_rod_delta of .* no pose at home"),
+        ("smr_offset:value=1e5", "the reflector is 100000 m away; at most 10 m is allowed"),
     ],
 )
 def test_wrong_options_are_refused_with_what_is_allowed(text, message):

@@ -65,9 +65,12 @@ def robot_given(robot_file: str | None, machine: str | None, url: str) -> Robot:
     """The robot of `--robot`, or that of a machine of the history.
 
     Raises:
-        InputError: neither is given, or the file is of another robot than the machine.
+        InputError: neither is given, a store without a machine, or the file is of another robot
+            than the machine.
     """
     if machine is None:
+        if url != STORE:
+            raise InputError(f"--store {url}: give --machine as well, a machine of this history")
         if robot_file is None:
             raise InputError("give --robot, or --machine of a history")
         return load_robot(robot_file)

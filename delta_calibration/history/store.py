@@ -227,8 +227,11 @@ class Store:
             name: id of the session.
 
         Raises:
-            InputError: another robot's file, the same session twice, or an id that is taken.
+            InputError: no name that can be read, another robot's file, the same session twice, or
+                an id that is taken.
         """
+        if not machine.strip() or not machine.isprintable():
+            raise InputError(f"machine {machine!r}: a name of letters and digits is expected")
         if machine not in dict(self.machines()):
             return False
         self.require_robot(machine, robot)

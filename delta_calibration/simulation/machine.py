@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions, at_rest
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
+from delta_calibration.mechanisms.possible import impossible
 from delta_calibration.robot import Robot
 from delta_calibration.simulation.climate import AMBIENT, PARTS
 from delta_calibration.simulation.hidden import Causes, hide
@@ -17,6 +19,7 @@ from delta_calibration.simulation.hidden import Causes, hide
 Array = NDArray[np.float64]
 
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
+_FARTHEST = 10.0  # [m] of a reflector from where it should be
 _REFLECTOR = 1e-3  # [m] usual mounting error of the reflector; less if the file's prior is less
 
 
@@ -120,7 +123,8 @@ def draw_machine(
             typical sizes), `location` (joint_1 ...), and settings of the effect.
 
     Raises:
-        InputError: an unknown cause or option, or a value that is not allowed.
+        InputError: an unknown cause or option, a value that is not allowed, or a machine that
+            cannot be built.
     """
     rng = np.random.default_rng(seed)
     mechanism = robot.detailed
@@ -138,6 +142,20 @@ def draw_machine(
     theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
     causes = hide(robot, chain, hidden, seed)
     theta[chain.layout.dimensions] += causes.shift
+    _require_possible(chain, theta)
     return TrueMachine(
         robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
     )
+
+
+def _require_possible(chain: Chain, theta: Array) -> None:
+    """Refuse lengths that are not positive, no pose at home, and a reflector far away."""
+    geometry, offset, _ = chain.split(theta)
+    if wrong := impossible(chain.mechanism, geometry):
+        raise InputError(f"such a machine cannot be built: {wrong}")
+    off = float(np.linalg.norm(offset - chain.offset))
+    if off > _FARTHEST:
+        raise InputError(
+            f"effect smr_offset: the reflector is {off:g} m away; "
+            f"at most {_FARTHEST:g} m is allowed"
+        )
