@@ -277,7 +277,7 @@ def test_a_plan_to_update_and_its_fit_go_by_the_store(
     [
         (["plan", "--update", "--robot", "srbd"], "--update and --machine must be given together"),
         (["plan", "--identify"], "give --robot, or --machine of a history"),
-        (["plan", "--identify", "--robot", "srbd", "--store", "h.sqlite"], "give --machine as well"),
+        (["plan", "--identify", "--robot", "srbd", "--store", "h"], "give --machine as well"),
         (["plan", "--identify", "--update"], "give one of --name, --identify, --update"),
         (["plan", "--update", "--machine", "m"], "no history found"),
     ],
