@@ -208,6 +208,15 @@ def test_a_drive_that_yields_with_play_and_friction_is_all_three():
 
 
 @pytest.mark.slow
+def test_worn_elbows_leave_nothing_for_a_map():
+    """A map of their sharp steps was likelier than the first, soft shape of their clearance."""
+    verdict = said_of({"clearance": 20e-6, "worn": ELBOW_END}, 39, count=24)
+    assert [f.cause for f in verdict.findings] == ["ball_joint_clearance"]
+    assert verdict.findings[0].shape["worn_end"] == "elbow"
+    assert not verdict.unknown_structure.found
+
+
+@pytest.mark.slow
 def test_play_that_weight_holds_shut_is_said_not_to_show():
     verdict = said_of({"gap": GAP}, 34, reach=0.15)
     assert not verdict.findings

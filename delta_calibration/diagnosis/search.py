@@ -180,8 +180,9 @@ def find(
 def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     """The fit with the best score of a scan, or with a rival that is likelier when fitted in full.
 
-    Rivals are its other shapes, causes in the place of a map, and pairs. A wrong explanation in
-    the place of a strong cause would hide it from a search about that fit.
+    Rivals are its other shapes, causes in the place of a map, the likeliest of them in its other
+    shapes as well, and pairs. A wrong explanation in the place of a strong cause would hide it
+    from a search about that fit.
     """
     named: dict[str, Score] = {}
     for score in sorted((s for here in scans for s in here.scores), key=lambda s: -s.log_bayes):
@@ -190,7 +191,8 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
-    sets += fits.of(sets[:1])[0][0].in_other_shapes
+    nearest, _ = min(fits.of(sets[1:] or sets), key=lambda one: one[1])
+    sets += nearest.in_other_shapes
     sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
     return _likeliest(fits, sets, (best, *named.values()))
 
