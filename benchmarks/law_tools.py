@@ -2,7 +2,7 @@
 
     python benchmarks/law_tools.py [--before FOLDER] [--runs 5] [--batch 10000] [--only NAME ...]
 
-The law is the closure of the six-rod Delta: 6 equations, 6 pose coordinates, 3 joints, 60
+The law is the closure of the six-rod Delta: 6 equations, 6 pose coordinates, 3 joints, 66
 dimensions. Each tool returns f, f_x, f_q and f_g of every sample as whole matrices; the dimensions
 are the same for all samples. Tools that are not installed are skipped: sympy, symengine, jax,
 symforce (which needs an environment of its own because it installs a symengine under the same
@@ -41,10 +41,10 @@ for _library in ("OPENBLAS", "MKL", "OMP"):
 # ruff: noqa: E402
 import numpy as np
 
-Evaluate = Callable[..., Any]  # q (n, 3), x (n, 6), g (60,) -> f, f_x, f_q, f_g
+Evaluate = Callable[..., Any]  # q (n, 3), x (n, 6), g (66,) -> f, f_x, f_q, f_g
 
-SIZES = {"q": 1, "x": 6, "g": 20, "c": 2}  # of a leg's law, in the order of its workspace
-INPUTS, BY, ROWS = 29, 27, 2  # derivatives with respect to all but c
+SIZES = {"q": 1, "x": 6, "g": 22, "c": 2}  # of a leg's law, in the order of its workspace
+INPUTS, BY, ROWS = 31, 29, 2  # derivatives with respect to all but c
 BASICS = ("numpy", "scipy", "numba", "llvmlite")  # required by the package anyway
 DRAWING = {
     "base_radius": 0.2,
@@ -80,14 +80,14 @@ class Tool(NamedTuple):
 
 
 def samples(n: int) -> tuple[Any, Any, Any]:
-    """Joints (n, 3), poses (n, 6) and dimensions (60,), different for all legs."""
+    """Joints (n, 3), poses (n, 6) and dimensions (66,), different for all legs."""
     rng = np.random.default_rng(1)
     q = rng.uniform(0.0, 0.6, (n, 3))
     place = np.array([0.0, 0.0, -0.7]) + 0.1 * rng.normal(size=(n, 3))
     x = np.concatenate([place, 0.05 * rng.normal(size=(n, 3))], axis=1)
-    leg = [0.2, 0, 0, 0.055, *7 * [0], 0, 0.04, 0.04, 0.04, 0.04, *4 * [0]]
+    leg = [0.2, 0, 0, 0.055, *7 * [0], 0, 0.04, 0.04, 0.04, 0.04, *6 * [0]]
     leg[9], leg[10] = 0.32, 0.85
-    return q, x, np.tile(leg, 3) + 1e-3 * rng.normal(size=60)
+    return q, x, np.tile(leg, 3) + 1e-3 * rng.normal(size=66)
 
 
 def stands() -> Any:
@@ -177,9 +177,9 @@ def given(w, q, x, g, c, leg):
     w[0] = q
     for i in range(6):
         w[1 + i] = x[i]
-    for i in range(20):
-        w[7 + i] = g[20 * leg + i]
-    w[27], w[28] = c
+    for i in range(22):
+        w[7 + i] = g[22 * leg + i]
+    w[29], w[30] = c
 
 
 @njit(cache=True, nogil=True)
@@ -190,7 +190,7 @@ def alone(q, x, g, c, count):
         for leg in range(3):
             given(w, q[row, leg], x[row], g, c[leg], leg)
             law(w, work)
-            total += w[29]
+            total += w[31]
     return total + w.sum()
 
 
@@ -199,19 +199,19 @@ def batch(q, x, g, c):
     n = len(q)
     w, work = np.zeros(SIZE), np.zeros((SCRATCH, 1 + BY))
     f, by_x = np.zeros((n, 6)), np.zeros((n, 6, 6))
-    by_q, by_g = np.zeros((n, 6, 3)), np.zeros((n, 6, 60))
+    by_q, by_g = np.zeros((n, 6, 3)), np.zeros((n, 6, 66))
     for row in range(n):
         for leg in range(3):
             given(w, q[row, leg], x[row], g, c[leg], leg)
             law(w, work)
             for rod in range(2):
-                at = 31 + rod * BY
-                f[row, 2 * leg + rod] = w[29 + rod]
+                at = 33 + rod * BY
+                f[row, 2 * leg + rod] = w[31 + rod]
                 by_q[row, 2 * leg + rod, leg] = w[at]
                 for i in range(6):
                     by_x[row, 2 * leg + rod, i] = w[at + 1 + i]
-                for i in range(20):
-                    by_g[row, 2 * leg + rod, 20 * leg + i] = w[at + 7 + i]
+                for i in range(22):
+                    by_g[row, 2 * leg + rod, 22 * leg + i] = w[at + 7 + i]
     return f, by_x, by_q, by_g
 """
 HEAD = """from math import cos, sin
@@ -219,7 +219,7 @@ HEAD = """from math import cos, sin
 import numpy as np
 from numba import njit
 
-BY, SIZE, SCRATCH = 27, 31 + 2 * 27, {scratch}
+BY, SIZE, SCRATCH = 29, 33 + 2 * 29, {scratch}
 
 """
 JIT = '@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})'
@@ -256,7 +256,7 @@ def module_of(path: Path) -> ModuleType:
 
 def outputs(equation: Evaluate, entries: list[Any]) -> list[Any]:
     """The law's two outputs, then their derivatives row by row, for symbols that have `diff`."""
-    q, x, g, c = entries[0], entries[1:7], entries[7:27], entries[27:]
+    q, x, g, c = entries[0], entries[1:7], entries[7:29], entries[29:]
     f = list(equation(q, *(np.array(part, dtype=object) for part in (x, g, c))))
     return f + [gap.diff(entry) for gap in f for entry in entries[:BY]]
 
@@ -303,7 +303,7 @@ def by_symforce(folder: Path) -> Built:
         text = (made.function_dir / "leg.py").read_text(encoding="utf-8")
         text = text.replace("from __future__ import annotations", "")
         text = text.replace("@numba.njit", "@numba.njit(cache=True)")
-        return text + f"\n\n{JIT}\ndef law(w, work):\n    w[29:] = leg(w[:29])\n"
+        return text + f"\n\n{JIT}\ndef law(w, work):\n    w[31:] = leg(w[:31])\n"
 
     return looped(folder, source)
 
@@ -321,7 +321,7 @@ def by_machine(folder: Path) -> Built:
     casadi, path = import_module("casadi"), folder / "leg.casadi"
     if not path.exists():
         w = casadi.SX.sym("w", INPUTS)
-        f = law_in(casadi)(w[0], w[1:7], w[7:27], w[27:])
+        f = law_in(casadi)(w[0], w[1:7], w[7:29], w[29:])
         every = casadi.vertcat(f, casadi.vec(casadi.jacobian(f, w[:BY]).T))
         casadi.Function("leg", [w], casadi.cse([casadi.densify(every)])).save(str(path))
     leg, stand = casadi.Function.load(str(path)), stands()
@@ -329,15 +329,15 @@ def by_machine(folder: Path) -> Built:
     def evaluate(q: Any, x: Any, g: Any) -> Any:
         n = len(q)
         w = np.empty((n, 3, INPUTS))
-        w[:, :, 0], w[:, :, 1:7], w[:, :, 7:27] = q, x[:, None], g.reshape(3, 20)
-        w[:, :, 27:] = stand
+        w[:, :, 0], w[:, :, 1:7], w[:, :, 7:29] = q, x[:, None], g.reshape(3, 22)
+        w[:, :, 29:] = stand
         found = leg(w.reshape(3 * n, INPUTS).T).full().T.reshape(n, 3, ROWS * (1 + BY))
         by = found[:, :, ROWS:].reshape(n, 3, ROWS, BY)
-        by_q, by_g = np.zeros((n, 3, ROWS, 3)), np.zeros((n, 3, ROWS, 3, 20))
+        by_q, by_g = np.zeros((n, 3, ROWS, 3)), np.zeros((n, 3, ROWS, 3, 22))
         for k in range(3):
             by_q[:, k, :, k], by_g[:, k, :, k] = by[:, k, :, 0], by[:, k, :, 7:]
         f, by_x = found[:, :, :ROWS].reshape(n, 6), by[..., 1:7].reshape(n, 6, 6)
-        return f, by_x, by_q.reshape(n, 6, 3), by_g.reshape(n, 6, 60)
+        return f, by_x, by_q.reshape(n, 6, 3), by_g.reshape(n, 6, 66)
 
     return Built(evaluate)
 
@@ -366,17 +366,17 @@ def by_jax(folder: Path, forward: bool = True) -> Built:
     stand, own = jnp.array(stands()), jnp.eye(3)
 
     def whole(q: Any, x: Any, g: Any) -> Any:
-        (by_q, by_x, by_g), f = legs(q, x, g.reshape(3, 20), stand)
+        (by_q, by_x, by_g), f = legs(q, x, g.reshape(3, 22), stand)
         spread = jnp.einsum("lri,lm->lrmi", by_g, own)
         joints = jnp.einsum("lr,lm->lrm", by_q, own)
-        return f.reshape(6), by_x.reshape(6, 6), joints.reshape(6, 3), spread.reshape(6, 60)
+        return f.reshape(6), by_x.reshape(6, 6), joints.reshape(6, 3), spread.reshape(6, 66)
 
     mapped = jax.jit(jax.vmap(whole, in_axes=(0, 0, None)))
     return Built(lambda q, x, g: jax.block_until_ready(mapped(q, x, g)))
 
 
 # --- dual numbers by hand ------------------------------------------------------------------------
-# A number is a row of `t`: its value, then its 27 derivatives. `at[0]`, in the last row of the
+# A number is a row of `t`: its value, then its 29 derivatives. `at[0]`, in the last row of the
 # array, is the next free row. This part is written once:
 
 DUALS = """
@@ -397,7 +397,7 @@ def number(t, value):
 @njit(cache=True)
 def lin(t, p, a, q, b):
     c = new(t)
-    for k in range(28):
+    for k in range(30):
         t[c, k] = p * t[a, k] + q * t[b, k]
     return c
 
@@ -407,7 +407,7 @@ def mul(t, a, b):
     c = new(t)
     u, v = t[a, 0], t[b, 0]
     t[c, 0] = u * v
-    for k in range(1, 28):
+    for k in range(1, 30):
         t[c, k] = u * t[b, k] + v * t[a, k]
     return c
 
@@ -416,7 +416,7 @@ def mul(t, a, b):
 def chain(t, a, value, slope):
     c = new(t)
     t[c, 0] = value
-    for k in range(1, 28):
+    for k in range(1, 30):
         t[c, k] = slope * t[a, k]
     return c
 
@@ -481,18 +481,26 @@ DUAL_LAW = """
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract"})
 def law(w, t):
     t[-1, 0] = 0
-    for i in range(27):
+    for i in range(29):
         t[number(t, w[i]), 1 + i] = 1.0
-    c, s, zero = w[27], w[28], number(t, 0.0)
+    c, s, zero = w[29], w[30], number(t, 0.0)
     hinge, line, crooked = (13, zero, 14), (23, zero, 24), (25, zero, 26)
+    on_arm = 27, zero, 28
     turn, tilt = (4, 5, 6), factors(t, hinge)
     along = (zero, number(t, 1.0), zero)
     angle = lin(t, 1.0, 0, 1.0, 15)
     a = t[angle, 0]
-    arm = (chain(t, angle, cos(a), -sin(a)), zero, chain(t, angle, -sin(a), -cos(a)))
+    ahead, down = chain(t, angle, cos(a), -sin(a)), chain(t, angle, -sin(a), -cos(a))
+    arm = ahead, zero, down
     arm = add(t, (7, 8, 9), 1.0, turned(t, hinge, tilt, scale(t, 16, arm)))
     middle = add(t, (1, 2, 3), -1.0, stood(t, c, s, arm))
-    axis = turned(t, hinge, tilt, turned(t, line, factors(t, line), along))
+    own = turned(t, on_arm, factors(t, on_arm), along)
+    own = (
+        lin(t, 1.0, mul(t, ahead, own[0]), -1.0, mul(t, down, own[2])),
+        own[1],
+        lin(t, 1.0, mul(t, ahead, own[2]), 1.0, mul(t, down, own[0])),
+    )
+    axis = turned(t, hinge, tilt, turned(t, line, factors(t, line), own))
     axis = stood(t, c, s, axis)
     across = stood(t, c, s, turned(t, crooked, factors(t, crooked), along))
     joint, by = stood(t, c, s, (10, 11, 12)), factors(t, turn)
@@ -503,9 +511,9 @@ def law(w, t):
         gap = add(t, gap, -side, scale(t, 19 + rod, axis))
         length = lin(t, 1.0, 17, side / 2, 18)
         f = lin(t, 1.0, dot(t, gap, gap), -1.0, mul(t, length, length))
-        w[29 + rod] = t[f, 0]
-        for i in range(27):
-            w[31 + 27 * rod + i] = t[f, 1 + i]
+        w[31 + rod] = t[f, 0]
+        for i in range(29):
+            w[33 + 29 * rod + i] = t[f, 1 + i]
 """
 
 

@@ -24,6 +24,7 @@ from delta_calibration.robot import Robot
 from delta_calibration.uncertainty import ModelError, Uncertainty
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _SEAL = "sha256"
 
@@ -91,8 +92,8 @@ def load_calibration(path: Path, robot: Robot) -> Calibration:
     """Read a calibration made for this robot.
 
     Raises:
-        ConfigError: missing, incomplete, changed after it was written, made for another robot, or
-            with parameters that its model does not have.
+        ConfigError: missing, incomplete, changed after it was written, made for another robot,
+            with parameters that its model does not have, or with dimensions of no machine.
     """
     data = read_document(path, lambda _: load_schema("calibration"))
     return calibration_of(data, robot, str(path))
@@ -107,8 +108,8 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
         source: name of the document in messages.
 
     Raises:
-        ConfigError: incomplete, changed after it was made, made for another robot, or with
-            parameters that its model does not have.
+        ConfigError: incomplete, changed after it was made, made for another robot, with
+            parameters that its model does not have, or with dimensions of no machine.
     """
     content = {key: value for key, value in data.items() if key != _SEAL}
     if content_hash(content) != data[_SEAL]:
@@ -129,18 +130,15 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
         raise ConfigError(f"{source}: model: {error}") from error
     chain, values = _with_effects(source, chain, robot, data.get("effects", []))
     try:
-        expected = chain.parameters.names[chain.layout.base]
+        parameters = chain.parameters
     except InputError as error:  # the same effect twice
         raise ConfigError(f"{source}: effects: {error}") from error
-    found = tuple(entry["name"] for entry in data["parameters"])
-    if found != expected:
-        odd = sorted(set(found) ^ set(expected)) or ["their order"]
-        shown = ", ".join(odd[:6]) + (" and more" if len(odd) > 6 else "")
-        raise ConfigError(
-            f"{source}: parameters: do not belong to model {data['model']!r} of this version: "
-            f"{shown}; fit again"
-        )
-    theta = np.array([*(entry["value"] for entry in data["parameters"]), *values])
+    try:
+        rows = _rows_of(data["parameters"], chain)
+    except ValueError as error:
+        raise ConfigError(f"{source}: parameters: model {data['model']!r} {error}") from error
+    theta = np.concatenate([parameters.nominal[chain.layout.base], values])
+    theta[rows] = [entry["value"] for entry in data["parameters"]]
     if wrong := impossible(chain.mechanism, chain.split(theta)[0]):
         raise ConfigError(f"{source}: parameters: {wrong}")
     region = data["region"]
@@ -156,29 +154,61 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
         held_out=float(data["residuals"]["full"]["error_left_rms_mm"]) * 1e-3,
         source=data["provenance"]["session"],
         seal=data[_SEAL],
-        uncertainty=_uncertainty(source, data, len(theta)),
+        uncertainty=_uncertainty(source, data, parameters.prior, rows),
         measured=data["provenance"].get("measured_sha256", ""),
     )
 
 
-def _uncertainty(source: str, data: Mapping[str, Any], size: int) -> Uncertainty | None:
-    """Read the uncertainty; None if the file was written before this section existed."""
+def _rows_of(entries: Sequence[Mapping[str, Any]], chain: Chain) -> Index:
+    """Row of each entry among the parameters of mechanism, reflector and frame, (p,).
+
+    A file may be older than the model: errors of parts that the model did not have then are zero.
+
+    Raises:
+        ValueError: says what is wrong with the entries.
+    """
+    found, known = [entry["name"] for entry in entries], chain.parameters.names[chain.layout.base]
+    if unknown := [name for name in found if name not in known]:
+        raise ValueError(f"has no {', '.join(unknown[:5])}; fit again")
+    errors = {p.name for p in chain.mechanism.parameters if p.nominal == 0.0}
+    if lacking := [name for name in known if name not in found and name not in errors]:
+        raise ValueError(f"has {', '.join(lacking[:5])}, which the file lacks; fit again")
+    rows = [known.index(name) for name in found]
+    if sorted(set(rows)) != rows:
+        raise ValueError("has its parameters in another order, each once; fit again")
+    return np.array(rows, dtype=np.int64)
+
+
+def _uncertainty(
+    source: str, data: Mapping[str, Any], prior: Array, rows: Index
+) -> Uncertainty | None:
+    """Read the uncertainty; None if the file was written before this section existed.
+
+    Args:
+        source: name of the document in messages.
+        data: the document.
+        prior: standard deviations of all parameters before the fit, (P,).
+        rows: of the file's parameters among those of mechanism, reflector and frame, (p,). What is
+            not in the file is known to its prior.
+    """
     if "uncertainty" not in data:
         return None
     told = data["uncertainty"]
-    factor = np.zeros((size, size))
+    kept = np.concatenate([rows, np.arange(rows[-1] + 1, len(prior))])
+    size = len(kept)
+    factor = np.diag(prior)
     try:
-        rows = [[float(number) for number in row.split()] for row in told["factor_lower"]]
+        lines = [[float(number) for number in row.split()] for row in told["factor_lower"]]
     except ValueError as error:
         raise ConfigError(f"{source}: uncertainty: factor_lower: {error}") from error
-    whole = [len(row) for row in rows] == list(range(1, size + 1))
-    if not (whole and all(np.isfinite(row).all() for row in rows)):
+    whole = [len(row) for row in lines] == list(range(1, size + 1))
+    if not (whole and all(np.isfinite(row).all() for row in lines)):
         raise ConfigError(
             f"{source}: uncertainty: factor_lower: the lower triangle of {size} rows of finite "
             "numbers is expected"
         )
-    for k, row in enumerate(rows):
-        factor[k, : k + 1] = row
+    for k, row in enumerate(lines):
+        factor[kept[k], kept[: k + 1]] = row
     model = told["model"]
     joints = len(data["region"]["joints_lower_rad"])
     if len(model["play"]) != joints:

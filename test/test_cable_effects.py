@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -11,13 +12,15 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.spatial import ConvexHull
 
+from blind.cables import over_pulley
 from cables import (
     EIGHT_CABLES,
     FOUR_CABLES,
     TOLERANCES,
     workspace,
 )
-from delta_calibration.data import at_rest
+from delta_calibration.data import at_rest, survey
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
@@ -29,7 +32,7 @@ from delta_calibration.effects.pulley_radius import ABOVE, BELOW, PulleyRadius, 
 from delta_calibration.errors import InputError, ReachError
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.robot import load_robot
-from study.judge import judge
+from study.judge import judge, scaled
 from study.trials import Task
 
 GRAVITY = 9.80665
@@ -264,6 +267,53 @@ def test_pulley_is_a_taut_string_around_a_disc(level, above, side):
     away = DM([0.6 * level, 0.8 * level, above])
     written = np.hypot(level, above) + float(excess(away, radius, side))
     assert written == pytest.approx(string, abs=1e-8)
+
+
+@pytest.mark.parametrize(("upper", "lower"), [*product([BELOW, ABOVE], repeat=2)])
+def test_cables_come_to_upper_and_lower_pulleys_from_their_sides(upper, lower):
+    """Three low anchors and one above the platform, by the formula of the blind generator."""
+    aside = np.array([[0, 0, 0], [0, 0, 0], [0, 0, 0], [1.2, 0.3, 0]])
+    anchors = FOUR_CABLES.anchors + aside  # none right above the platform
+    d, radius, h = replace(FOUR_CABLES, anchors=anchors), 0.03, 1e-6
+    robot, x = CableRobot(d, TOLERANCES), workspace(d, 12, np.random.default_rng(6))
+    rising = np.array([lower, lower, lower, upper]) == BELOW
+
+    def over(r):
+        here, home = x[:, None] - anchors, d.home - anchors
+        return over_pulley(here, r, rising) - over_pulley(home, r, rising)
+
+    effect = PulleyRadius(ROBOT, robot, radius=radius, upper=upper, lower=lower)
+    columns = effect.columns(at_rest(robot.inverse(x, robot.parameters.nominal)))[..., 0]
+    more = (over(radius + h) - over(radius - h)) / (2 * h)
+    np.testing.assert_allclose(columns * d.gain, -more, atol=1e-7)
+
+
+def test_pulleys_that_cables_come_to_from_above_are_told():
+    seed = 8804
+    trial, _ = scaled(Task("single", seed, (("pulley_radius", 400.0),), robot="cdpr8"))
+    assert trial.cell.causes[0].values["rise"] == (False, True)  # at the upper, the lower ones
+    found = diagnose(survey(trial.session, ROBOT.joints.names), ROBOT, seed=seed)
+    (finding,) = found.verdict.findings
+    assert finding.cause == "pulley_radius"
+    assert finding.shape["cables_from_above"] == "at the upper pulleys"
+    radius, true = finding.parameters["radius"], trial.cell.causes[0].values["radius"]
+    assert abs(radius.value - true) < 4 * radius.std
+
+
+def test_a_side_that_is_neither_is_refused():
+    with pytest.raises(InputError, match=r"upper: 0.4 is not allowed; -1 or 1"):
+        effect_named("pulley_radius", ROBOT, CABLES, {"upper": 0.4})
+
+
+def test_drums_without_a_gear_have_no_eccentricity_beside_their_encoders():
+    gear = np.array([10.0, 1.0, 10.0, 10.0])
+    effect = DrumEccentricity(ROBOT, CableRobot(replace(FOUR_CABLES, gear=gear), TOLERANCES))
+    assert {p.location for p in effect.parameters} == {"cable_1", "cable_3", "cable_4"}
+    columns = effect.columns(at_rest(np.array([[5.0, -8.0, 12.0, 20.0]])))[0]
+    assert not columns[1].any()
+    assert (np.abs(columns[[0, 2, 3]]) > 0).sum(axis=1).tolist() == [2, 2, 2]
+    direct = CableRobot(replace(FOUR_CABLES, gear=np.ones(4)), TOLERANCES)
+    assert not DrumEccentricity(ROBOT, direct).suits
 
 
 def test_pulley_is_exact_at_the_radius_that_was_found():

@@ -253,13 +253,45 @@ def test_parameters_of_another_model_are_refused_though_the_seal_fits(written):
     def swapped(data):
         data["parameters"][0], data["parameters"][1] = data["parameters"][1::-1]
 
-    assert "arm_1, gap_1" in refusal(sealed(written, renamed))
+    assert "model 'rotary_delta' has no gap_1; fit again" in refusal(sealed(written, renamed))
     sealed(written, lambda data: data["parameters"][6].update(name="arm_1"))
     said = refusal(sealed(written, swapped))
-    assert "do not belong to model 'rotary_delta' of this version: their order; fit again" in said
+    assert "model 'rotary_delta' has its parameters in another order" in said
+    sealed(written, swapped)
+    said = refusal(sealed(written, lambda data: data["parameters"].pop(6)))
+    assert "model 'rotary_delta' has arm_1, which the file lacks; fit again" in said
     assert "model: no mechanism 'scara'; there are: " in refusal(
         sealed(written, lambda data: data.update(model="scara"))
     )
+
+
+def test_a_file_older_than_a_models_newest_errors_of_parts_has_none_of_them(fitted, tmp_path):
+    """Before the lines at the elbows turned with the arms, six rods had 60 parameters."""
+    path, poses = tmp_path / "old.yaml", fitted[1]
+    found = identify(poses, ROBOT, seed=4)
+    save_calibration(path, found, ROBOT, poses)
+    new = np.array(["on_arm" in name for name in found.parameters.names])
+
+    def older(data):
+        data["parameters"] = [p for p in data["parameters"] if "on_arm" not in p["name"]]
+        lines = [line.split() for line in data["uncertainty"]["factor_lower"]]
+        data["uncertainty"]["factor_lower"] = [
+            " ".join(np.array(line)[~new[: len(line)]])
+            for line, gone in zip(lines, new, strict=True)
+            if not gone
+        ]
+
+    whole, old = load_calibration(path, ROBOT), load_calibration(sealed(path, older), ROBOT)
+    assert new.sum() == 6
+    assert not old.theta[new].any()
+    np.testing.assert_array_equal(old.theta[~new], whole.theta[~new])
+    known = old.uncertainty.covariance
+    np.testing.assert_allclose(np.diag(known)[new], found.parameters.prior[new] ** 2)
+    assert not known[np.ix_(new, ~new)].any()
+    lines = [line.split() for line in content_of(path)["uncertainty"]["factor_lower"]]
+    assert known[0, 0] == pytest.approx(float(lines[0][0]) ** 2)
+    last = np.array(lines[-1], dtype=float)
+    assert known[-1, -1] == pytest.approx(last @ last)
 
 
 def flat(data):

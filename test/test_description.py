@@ -113,7 +113,7 @@ def test_the_srbd_is_the_contract_s() -> None:
     for leg, degrees in ((1, 0.0), (2, 120.0), (3, 240.0)):
         out = Rotation.from_euler("z", degrees, degrees=True)
         level = dict.fromkeys(skeleton.tree.moving, 0.0)
-        lowered = level | {f"joint_{leg}": 0.1, f"elbow_{leg}": -0.1}
+        lowered = level | {f"joint_{leg}": 0.1, f"upright_{leg}": -0.1, f"elbow_{leg}": 0.1}
         hinge, elbow = (file.place(f"{part}_{leg}", level)[:3, 3] for part in ("arm", "elbow"))
         np.testing.assert_allclose(hinge, out.apply([0.2, 0.0, 0.0]), atol=1e-12)
         np.testing.assert_allclose(elbow, out.apply([0.52, 0.0, 0.0]), atol=1e-12)

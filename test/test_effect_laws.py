@@ -55,7 +55,7 @@ SHAPES = {
     "flange_compliance": [{"behind": 0.4}],
     "joint_zero_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
     "pretension_loss": [{"time_constant": 900.0}],
-    "pulley_radius": [{"radius": 0.03}],
+    "pulley_radius": [{"radius": 0.03}, {"radius": 0.03, "upper": -1.0, "lower": 1.0}],
     "stick_slip": [{"level": 0.3}],
     "tracker_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
     "transmission_error": [{"cycles": 7.5}, {"cycles": 7.5, "second": 2.0}],

@@ -175,8 +175,9 @@ def test_what_cannot_be_added_is_refused(
     assert "no history found" in capsys.readouterr().err
     assert run(["history", "changes", "--machine", "x", "--store", str(folder / "h.sqlite")]) == 2
     assert "no machine 'x'; there are: press_3" in capsys.readouterr().err
-    assert run([*add(folder, 2, " "), "--quick"]) == 2
-    assert "machine ' ': a name of letters and digits is expected" in capsys.readouterr().err
+    for name in ("", " ", "press_3 ", "press\n3"):
+        assert run([*add(folder, 2, name), "--quick"]) == 2
+        assert f"machine {name!r}: a name is expected" in capsys.readouterr().err
 
 
 def test_a_diagnosis_that_was_made_is_kept_as_it_is(

@@ -441,6 +441,14 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
         ("backlash:value=1,value=2", "value is given twice"),
         ("arm_length:value=-0.4", r"cannot be built: arm_1 is -0.0\d+ m; it has to be above 0"),
         ("forearm_length:value=-0.5", "cannot be built: a six_rod_delta of .* no pose at home"),
+        (
+            "arm_length:value=11",
+            "arm_1 is 11.3.* m; at most 10 from its drawing, 0.32 m, is allow",
+        ),
+        (
+            "joint_zero_offset:value=4",
+            "joint_zero_1 is 4.* rad; at most 3.142 from its drawing, 0",
+        ),
         ("smr_offset:value=1e5", "the reflector is 100000 m away; at most 10 m is allowed"),
     ],
 )

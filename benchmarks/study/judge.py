@@ -42,6 +42,7 @@ SAME = {
     "cable_sag": {"weight_squared": "weight_squared"},
     "pulley_radius": {"radius": "radius"},
     "drum_build_up": {"build_up": "build_up"},
+    "drum_eccentricity": {"sine": "sine", "cosine": "cosine"},
     "flange_compliance": {"shift": "shift", "turn": "turn"},
     "pretension_loss": {"strain": "strain"},
 }

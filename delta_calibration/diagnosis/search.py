@@ -7,13 +7,14 @@ can show what another hides: a pair at the start, a cause in the place of anothe
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from threading import Lock
 
 import numpy as np
 
+from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate, all_columns, moved_by
 from delta_calibration.diagnosis.constants import (
     ALPHA,
@@ -38,7 +39,7 @@ from delta_calibration.diagnosis.model_selection import (
     worth_it,
     worth_of,
 )
-from delta_calibration.diagnosis.rivals import in_its_place
+from delta_calibration.diagnosis.rivals import equivalents, in_its_place
 from delta_calibration.diagnosis.scan import Scan, reshaped, scanned
 from delta_calibration.diagnosis.scores import Score, price_of
 from delta_calibration.diagnosis.set_aside import Aside
@@ -99,8 +100,8 @@ class _Fits:
         information = evidence.information_of(all_columns(terms, evidence))
         price = price_of(information, value, sizes(terms))
         chosen = (m.effect for m in terms if m.effect is not None and m.effect.chosen)
-        shapes = [sum(1 for _ in effect.refinements(evidence.at)) for effect in chosen]
-        return fit.loss(self.samples) / 2 + price + float(np.sum(np.log(shapes)))
+        later = [_shapes_after(effect, evidence.at) for effect in chosen]
+        return fit.loss(self.samples) / 2 + price + float(np.sum(np.log(later)))
 
     def _fitted(self, terms: tuple[Candidate, ...]) -> tuple[Fitted, float]:
         """A new fit and its cost; of it and the best so far, the worse releases its evidence."""
@@ -116,10 +117,24 @@ class _Fits:
             worse.forget()
         return fit, cost
 
+    def keep_best(self) -> None:
+        """Free the memory of all fits but the best, whose evidence was asked for again."""
+        for fit, _ in self.known.values():
+            if fit is not self.best[0]:
+                fit.forget()
+
     def forget(self) -> None:
         """Free the memory of all fits."""
         for fit, _ in ((self.bare, 0.0), *self.known.values()):
             fit.forget()
+
+
+def _shapes_after(effect: Effect, at: Conditions) -> int:
+    """Number of shapes that were compared after a cause was found; 1 if it has no further ones."""
+    shapes, refined = (
+        sum(1 for _ in each) for each in (effect.shapes(at), effect.refinements(at))
+    )
+    return refined if refined > shapes else 1
 
 
 def find(
@@ -191,8 +206,9 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
-    nearest, _ = min(fits.of(sets[1:] or sets), key=lambda one: one[1])
+    nearest = _likeliest(fits, sets[1:] or sets, (best, *named.values()))
     sets += nearest.in_other_shapes
+    fits.keep_best()
     sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
     return _likeliest(fits, sets, (best, *named.values()))
 
@@ -298,11 +314,29 @@ def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     can imitate what a shape lacks, such as the second order of a gear.
     """
     while model.misfit > LACKING:
-        refined = _likeliest(fits, model.in_other_shapes, short, model)
+        sets = [*model.in_other_shapes, *_beside_a_twin(model, short)]
+        refined = _likeliest(fits, sets, short, model)
         if not model.misfit - refined.misfit > REMAINS * (model.misfit - 1):
             break
         model = refined
     return model
+
+
+def _beside_a_twin(model: Fitted, short: tuple[Score, ...]) -> Iterator[tuple[Candidate, ...]]:
+    """The terms with one in another shape, and the cause that it was like beside it.
+
+    In their first shapes two causes may be one: backlash that loads never decide and friction that
+    winds up a spring. Then neither the one's shape nor the other alone explains what both do.
+    """
+    if len(model.terms) == MOST:
+        return
+    others = [s for s in short if not any(s.candidate.same_cause(m) for m in model.terms)]
+    for terms in model.in_other_shapes:
+        own = next(m for m in model.terms if all(m is not kept for kept in terms))
+        evidence = beside(model.evidence, tuple(m for m in model.terms if m is not own))
+        signal = moved_by(own, evidence, model.scaled(own))
+        for twin in equivalents(evidence, signal, others, model.misfit)[:1]:
+            yield (*terms, twin)
 
 
 def _likeliest(

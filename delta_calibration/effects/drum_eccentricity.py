@@ -1,9 +1,10 @@
 """A drum whose groove runs out of true, or whose own counter is mounted off its centre.
 
-    dl = a sin phi + b (cos phi - 1)        sqrt(a^2 + b^2): eccentricity of the groove
+    dl = a sin phi + b (cos phi - 1)        sqrt(a^2 + b^2): eccentricity, half of the run-out
 
 phi is the angle of the drum, once round in as many motor turns as its gear has. What it lets out
-goes through the tackle to the platform.
+goes through the tackle to the platform. A drum without a gear turns with its encoder, whose own
+eccentricity looks the same; it is not among these.
 """
 
 from __future__ import annotations
@@ -11,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
+
+import numpy as np
 
 from delta_calibration.effects.cables import CableEffect, cable
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
@@ -23,7 +26,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DrumEccentricity(CableEffect):
-    """Error of one cycle per turn of each drum, behind a gear: else it is the encoder's."""
+    """Error of one cycle per turn of each drum behind a gear."""
 
     cause: ClassVar[str] = "drum_eccentricity"
     remedy: ClassVar[Remedy] = Remedy(
@@ -37,21 +40,26 @@ class DrumEccentricity(CableEffect):
     @property
     def suits(self) -> bool:
         """Whether there are drums behind gears."""
-        robot = self.mechanism
-        return isinstance(robot, CableRobot) and bool((robot.dimensions.gear != 1).any())
+        return isinstance(self.mechanism, CableRobot) and bool(self._geared)
 
     @property
     def parameters(self) -> ParameterSet:
-        """a and b of each drum [m]: a groove turned in one clamping runs true to 0.05 mm."""
-        sine, cosine = (
-            self.each_joint(name, "m", 0.1e-3, -20e-3, 20e-3) for name in ("sine", "cosine")
-        )
-        return ParameterSet((*sine, *cosine))
+        """a and b of each drum [m]: of 0.1 mm where drum and shaft are separate parts."""
+        every = [
+            self.each_joint(name, "m", 0.1e-3, -20e-3, 20e-3).items for name in ("sine", "cosine")
+        ]
+        return ParameterSet(tuple(each[i] for each in every for i in self._geared))
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One term per cable, with both its amplitudes."""
-        for i, term in enumerate(super().terms(places)):
-            yield replace(term, values=(i, self.mechanism.joints + i))
+        every, count = tuple(super().terms(places)), len(self._geared)
+        for k, i in enumerate(self._geared):
+            yield replace(every[i], values=(k, count + k))
+
+    @property
+    def _geared(self) -> tuple[int, ...]:
+        """Cables whose drums are behind gears."""
+        return tuple(np.flatnonzero(self.cables.dimensions.gear != 1).tolist())
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

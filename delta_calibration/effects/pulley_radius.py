@@ -33,6 +33,13 @@ from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 BELOW, ABOVE = 1.0, -1.0  # side from which the cable comes, as a sign of z
+# words for whether cables come from above at the upper pulleys, and at the lower ones
+_FROM_ABOVE = {
+    (True, True): "all",
+    (True, False): "the upper",
+    (False, True): "the lower",
+    (False, False): "",
+}
 
 
 def excess(away: Symbol, radius: Symbol, side: Symbol = BELOW) -> Symbol:
@@ -93,8 +100,8 @@ class PulleyRadius(CableEffect):
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One term per cable; the last constant is the side from which it comes."""
-        sides = np.where(np.where(self._is_upper, self.upper, self.lower) < 0, ABOVE, BELOW)
-        for term, side in zip(super().terms(places), sides.tolist(), strict=True):
+        sides = np.where(self._is_upper, self.upper, self.lower).tolist()
+        for term, side in zip(super().terms(places), sides, strict=True):
             yield replace(term, constants=(*term.constants, side))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
@@ -107,10 +114,16 @@ class PulleyRadius(CableEffect):
 
     @property
     def chosen(self) -> dict[str, str]:
-        """Where the cables come from above, if anywhere."""
-        where = {"upper pulleys": self.upper < 0, "lower pulleys": self.lower < 0}
-        from_above = [name for name, above in where.items() if above]
-        return {"cables_come_from_above": " and ".join(from_above)} if from_above else {}
+        """Pulleys that cables come to from above, if any."""
+        which = _FROM_ABOVE[self.upper == ABOVE, self.lower == ABOVE]
+        return {"cables_from_above": f"at {which} pulleys"} if which else {}
+
+    def wrong(self) -> str:
+        """As for every effect; and a side that is neither."""
+        for name in ("upper", "lower"):
+            if (value := getattr(self, name)) not in (ABOVE, BELOW):
+                return f"{name}: {value} is not allowed; {ABOVE:g} or {BELOW:g}"
+        return super().wrong()
 
     def refined(self, values: Array) -> PulleyRadius:
         """The effect linearized at the identified radius."""

@@ -230,8 +230,11 @@ class Store:
             InputError: no name that can be read, another robot's file, the same session twice, or
                 an id that is taken.
         """
-        if not machine.strip() or not machine.isprintable():
-            raise InputError(f"machine {machine!r}: a name of letters and digits is expected")
+        if machine != machine.strip() or not machine or not machine.isprintable():
+            raise InputError(
+                f"machine {machine!r}: a name is expected, without blanks around it, such as "
+                "'press_3'"
+            )
         if machine not in dict(self.machines()):
             return False
         self.require_robot(machine, robot)

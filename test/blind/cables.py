@@ -93,7 +93,7 @@ def cable_sag(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     return Cause("cable_sag", act, {"weight_squared": weight**2})
 
 
-def _over_pulley(away: Array, radius: float, rising: Array) -> Array:
+def over_pulley(away: Array, radius: float, rising: Array) -> Array:
     """Cable from the swivel axis round the groove and straight to the platform joint [m].
 
     In the pulley's plane the cable leaves tangentially: there the line from the groove is at right
@@ -114,16 +114,16 @@ def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cau
     To the pulleys above the platform, and to those below it, they come from either side.
     """
     radius = strength * _PULLEY
-    high, low = rng.random(2) < 0.5
+    high, low = (rng.random(2) < 0.5).tolist()
 
     def act(world: World, state: State) -> None:
         here, _, home, _ = _here_and_home(world)
         rising = np.where(home[..., 2] > 0, low, high)
-        more = _over_pulley(here, radius, rising) - np.linalg.norm(here, axis=2)
-        less = _over_pulley(home, radius, rising) - np.linalg.norm(home, axis=2)
+        more = over_pulley(here, radius, rising) - np.linalg.norm(here, axis=2)
+        less = over_pulley(home, radius, rising) - np.linalg.norm(home, axis=2)
         _lets_out(state, less - more)
 
-    return Cause("pulley_radius", act, {"radius": radius})
+    return Cause("pulley_radius", act, {"radius": radius, "rise": (high, low)})
 
 
 def drum_build_up(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
