@@ -54,10 +54,14 @@ def linear_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
     """Closure |x - c_i|^2 - L_i^2."""
     del model
     radius, angle, top, arm = g[..., 0:1], g[..., 1:4], g[..., 4:7], g[..., 7:10]
+    out, aside = (g[..., 10:13], g[..., 13:16]) if g.shape[-1] > 10 else (0.0, 0.0)
+    slant = np.sqrt(1 + out**2 + aside**2)
+    far = (np.cos(angle) * out - np.sin(angle) * aside) * q / slant
+    beside = (np.sin(angle) * out + np.cos(angle) * aside) * q / slant
     away = [
-        x[:, 0:1] - radius * np.cos(angle),
-        x[:, 1:2] - radius * np.sin(angle),
-        x[:, 2:3] - top + q,
+        x[:, 0:1] - radius * np.cos(angle) + far,
+        x[:, 1:2] - radius * np.sin(angle) + beside,
+        x[:, 2:3] - top + q / slant,
     ]
     return sum(part**2 for part in away) - arm**2
 

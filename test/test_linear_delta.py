@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from delta_calibration.errors import ReachError
 from delta_calibration.mechanisms.linear_delta import (
@@ -82,6 +83,32 @@ def test_nine_of_ten_show_in_heights_and_distances(delta):
     apart = np.einsum("ni,nip->np", along, there - here)
     assert rank(here.reshape(-1, 10)) == 10
     assert rank(np.concatenate([here[:, 2], apart])) == 9
+
+
+def test_towers_lean_as_they_are_turned():
+    """Carriages go down the axes of rotated towers; the arms have their lengths everywhere."""
+    rng = np.random.default_rng(8)
+    delta = LinearDelta(DRAWING, LinearDeltaTolerances(1e-3, 5e-3, 3e-3, 1e-3, 0.5e-3))
+    p = delta.parameters
+    g = p.nominal + 20 * p.prior * np.array(["lean" in name for name in p.names])
+    g[-6:] *= rng.uniform(-1, 1, 6)
+    q = rng.uniform(0.1, 0.42, (20, 3))
+    x = delta.forward(q, g)
+    for tower in range(3):
+        out, aside = g[10 + tower], g[13 + tower]
+        tilt = np.arctan(np.hypot(out, aside))
+        lean = Rotation.from_rotvec(tilt / np.tan(tilt) * np.array([-aside, out, 0.0]))
+        turn = Rotation.from_euler("z", g[1 + tower])
+        top = turn.apply([g[0], 0.0, 0.0]) + [0.0, 0.0, g[4 + tower]]
+        down = q[:, tower, None] * (turn * lean).apply([0.0, 0.0, 1.0])
+        np.testing.assert_allclose(np.linalg.norm(x - (top - down), axis=1), 0.345, atol=1e-14)
+    np.testing.assert_allclose(delta.inverse(x, g), q, atol=1e-14)
+    jacobian = delta.identification_jacobian(q, x, g).reshape(-1, 16)
+    axes = np.broadcast_to(np.eye(3), (len(x), 3, 3))
+    turns = np.stack([np.cross(np.eye(3)[k], x) for k in range(3)], -1)
+    motion = np.concatenate([turns, axes], -1).reshape(-1, 6)
+    assert rank(jacobian) == 16
+    assert rank(np.hstack([jacobian, motion])) == 18
 
 
 def circle_through(foot):

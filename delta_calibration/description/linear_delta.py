@@ -24,7 +24,7 @@ from delta_calibration.description.tree import (
 )
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import LinearDelta, Mechanism
-from delta_calibration.mechanisms.linear_delta import ANGLE, ARM, ENDSTOP, RADIUS
+from delta_calibration.mechanisms.linear_delta import ANGLE, ARM, ASIDE, ENDSTOP, OUT, RADIUS
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -42,10 +42,11 @@ class LinearDeltaLook(Look):
         """Carriages on towers with an arm each; arm joints are moved in by the platform radius."""
         links, joints, struts, towers = [], [], [], []
         for i, limb in enumerate(mechanism.limbs):
-            g = geometry[list(limb.dimensions)]
+            g = np.append(geometry, mechanism.fixed)[list(limb.dimensions)]
             carriage, turn = f"carriage_{i + 1}", rotations.about_z(g[ANGLE])
             top = g[RADIUS] * turn[:, 0] + g[ENDSTOP] * Z
-            start = Frame(turn, top)
+            lean = rotations.exp(_lean(float(g[OUT]), float(g[ASIDE])))
+            start = Frame(turn @ lean, top)
             links.append(Link(carriage, (Cylinder(-_HALF, _HALF, _THICK, ORANGE),)))
             joints.append(motor(robot, i, BASE, carriage, start, -Z, PRISMATIC))
             arm = float(g[ARM])
@@ -55,3 +56,11 @@ class LinearDeltaLook(Look):
             towers.append(Cylinder(top * (X + Y), top, _THIN, BLACK))
         platform = plate(float(g[RADIUS]) / 4)
         return Parts(tuple(towers), tuple(links), tuple(joints), tuple(struts), platform)
+
+
+def _lean(out: float, aside: float) -> Array:
+    """Rotation vector (3,) of a tower that leans by the tangents `out` along x, `aside` along y."""
+    across = np.hypot(out, aside)
+    if across == 0.0:
+        return np.zeros(3)
+    return np.asarray(np.arctan(across) / across * np.array([-aside, out, 0.0]))

@@ -1,4 +1,4 @@
-"""Linear Delta: three vertical carriages, three arms, a platform that only translates."""
+"""Linear Delta: three carriages on towers, three arms, a platform that only translates."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
 from delta_calibration.mechanisms.stands import require_apart
-from delta_calibration.model.symbols import Symbol, column, cos, sin, sqrt, square
+from delta_calibration.model.symbols import Symbol, column, cos, dot, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import angle, as_written, length, refused, tolerance
 
 Array = NDArray[np.float64]
 
 TOWERS = 3
-RADIUS, ANGLE, ENDSTOP, ARM = range(4)  # indices of a tower's dimensions
+RADIUS, ANGLE, ENDSTOP, ARM, OUT, ASIDE = range(6)  # indices of a tower's dimensions
 
 
 @dataclass(frozen=True)
@@ -60,23 +60,31 @@ class LinearDeltaTolerances:
     )
     endstop: float = tolerance(about="height of an endstop")
     arm: float = tolerance(about="length of a rod")
+    lean: float | None = tolerance(
+        "mrad",
+        default=None,
+        about="lean of a tower from the vertical, outward and aside; left out: towers are vertical",
+    )
 
 
 class LinearDelta(Mechanism):
-    """Carriages on vertical towers, each with an arm (a parallelogram) to the platform.
+    """Carriages on towers, each with an arm (a parallelogram) to the platform.
 
-    Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R cos phi_i, R sin phi_i, h_i - q_i), the
-    carriage's joint shifted inward by the platform's radius. Three joints always lie on a circle:
-    its centre defines the base's z axis, so one radius describes three towers without loss.
+    Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R cos phi_i, R sin phi_i, h_i) - q_i u_i, the
+    carriage's joint shifted inward by the platform's radius, u_i the direction of the tower: up,
+    leaning by o_i outward and by a_i aside, counter-clockwise. Three joints always lie on a
+    circle: its centre defines the base's z axis, so one radius describes three towers without loss.
 
     Joints q (n, 3) [m]: distance of each carriage below its endstop. Pose x (n, 3) [m]: the
     platform's centre; z = 0 is the bed. Parameters, shape (10,): radius R [m]; of the towers angle
-    phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]. All are
-    identifiable from positions. Unequal radii of the towers appear as changed directions from the
+    phi (3) [rad], height h (3) [m] of the joint at its endstop, arm L (3) [m]; with a tolerance of
+    the towers' lean shape (16,): also o (3) and a (3) [rad]. All are identifiable from positions
+    in the base; where the tracker's frame is fitted too, two of the leans are its inclination.
+    Unequal radii of the towers appear as changed directions from the
     circle's centre, so the prior of a direction combines both tolerances. A turn of the base about
     z changes no height above the bed and no distance: from such observations alone 9 combinations
-    are identifiable. Leaves out leaning towers, tilting carriages, and unequal arms of a pair,
-    which tilt the platform.
+    are identifiable. Leaves out towers that are not straight, tilting carriages, and unequal arms
+    of a pair, which tilt the platform.
     """
 
     name: ClassVar[str] = "linear_delta"
@@ -104,9 +112,16 @@ class LinearDelta(Mechanism):
         return self.drives.read(np.full(TOWERS, self.dimensions.height / 2))
 
     @property
+    def fixed(self) -> Array:
+        """Lean of a tower outward and aside, 0, used if the leans are no parameters [rad]."""
+        return np.zeros(2)
+
+    @property
     def limbs(self) -> tuple[Limb, ...]:
         """The towers; they share the radius."""
-        return tuple(Limb((i,), (0, 1 + i, 4 + i, 7 + i), (i,)) for i in range(TOWERS))
+        free = self.tolerances.lean is not None
+        leans = [(10 + i, 13 + i) if free else (10, 11) for i in range(TOWERS)]
+        return tuple(Limb((i,), (0, 1 + i, 4 + i, 7 + i, *leans[i]), (i,)) for i in range(TOWERS))
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
@@ -127,7 +142,8 @@ class LinearDelta(Mechanism):
         """Position of a carriage above the platform [m]; closed form."""
         del c
         away = x - _carriage(0.0, g)
-        return -away[2] - sqrt(g[ARM] ** 2 - away[0] ** 2 - away[1] ** 2)
+        along = dot(away, _tower(g))
+        return -along - sqrt(along**2 - square(away) + g[ARM] ** 2)
 
     def _radius(self) -> Parameter:
         d, t = self.dimensions, self.tolerances
@@ -149,8 +165,19 @@ class LinearDelta(Mechanism):
             yield Parameter(name, "m", endstop, t.endstop, cause, f"joint_{i}")
         for i in range(1, TOWERS + 1):
             yield Parameter(f"arm_{i}", "m", d.arm, t.arm, "arm_length", f"joint_{i}")
+        for way in ("outward", "aside") if t.lean is not None else ():
+            for i in range(1, TOWERS + 1):
+                name, cause = f"tower_lean_{way}_{i}", "base_joint_tilt"
+                yield Parameter(name, "rad", 0.0, t.lean, cause, f"joint_{i}")
 
 
 def _carriage(q: Symbol, g: Symbol) -> Symbol:
     """Position of a carriage's joint, shifted inward by the platform's radius [m]."""
-    return column(g[RADIUS] * cos(g[ANGLE]), g[RADIUS] * sin(g[ANGLE]), g[ENDSTOP] - q)
+    foot = column(g[RADIUS] * cos(g[ANGLE]), g[RADIUS] * sin(g[ANGLE]), g[ENDSTOP])
+    return foot - q * _tower(g)
+
+
+def _tower(g: Symbol) -> Symbol:
+    """Direction of a tower, upward; length 1."""
+    out, aside, c, s = g[OUT], g[ASIDE], cos(g[ANGLE]), sin(g[ANGLE])
+    return column(c * out - s * aside, s * out + c * aside, 1) / sqrt(1 + out**2 + aside**2)
