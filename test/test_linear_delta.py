@@ -99,7 +99,7 @@ def test_towers_lean_as_they_are_turned():
         tilt = np.arctan(np.hypot(out, aside))
         lean = Rotation.from_rotvec(tilt / np.tan(tilt) * np.array([-aside, out, 0.0]))
         turn = Rotation.from_euler("z", g[1 + tower])
-        top = turn.apply([g[0], 0.0, 0.0]) + [0.0, 0.0, g[4 + tower]]
+        top = turn.apply([g[0], 0.0, 0.0]) + np.array([0.0, 0.0, g[4 + tower]])
         down = q[:, tower, None] * (turn * lean).apply([0.0, 0.0, 1.0])
         np.testing.assert_allclose(np.linalg.norm(x - (top - down), axis=1), 0.345, atol=1e-14)
     np.testing.assert_allclose(delta.inverse(x, g), q, atol=1e-14)

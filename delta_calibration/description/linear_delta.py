@@ -59,7 +59,7 @@ class LinearDeltaLook(Look):
 
 
 def _lean(out: float, aside: float) -> Array:
-    """Rotation vector (3,) of a tower that leans by the tangents `out` along x, `aside` along y."""
+    """Rotation vector (3,) of a tower that leans by the tangents `out` to x, `aside` to y."""
     across = np.hypot(out, aside)
     if across == 0.0:
         return np.zeros(3)

@@ -63,7 +63,7 @@ class LinearDeltaTolerances:
     lean: float | None = tolerance(
         "mrad",
         default=None,
-        about="lean of a tower from the vertical, outward and aside; left out: towers are vertical",
+        about="lean of a tower, outward and aside; left out: the towers are vertical",
     )
 
 
@@ -73,7 +73,7 @@ class LinearDelta(Mechanism):
     Closure of tower i: |x - c_i|^2 = L_i^2, c_i = (R cos phi_i, R sin phi_i, h_i) - q_i u_i, the
     carriage's joint shifted inward by the platform's radius, u_i the direction of the tower: up,
     leaning by o_i outward and by a_i aside, counter-clockwise. Three joints always lie on a
-    circle: its centre defines the base's z axis, so one radius describes three towers without loss.
+    circle: its centre defines the base's z axis, so one radius describes the towers without loss.
 
     Joints q (n, 3) [m]: distance of each carriage below its endstop. Pose x (n, 3) [m]: the
     platform's centre; z = 0 is the bed. Parameters, shape (10,): radius R [m]; of the towers angle
@@ -165,7 +165,9 @@ class LinearDelta(Mechanism):
             yield Parameter(name, "m", endstop, t.endstop, cause, f"joint_{i}")
         for i in range(1, TOWERS + 1):
             yield Parameter(f"arm_{i}", "m", d.arm, t.arm, "arm_length", f"joint_{i}")
-        for way in ("outward", "aside") if t.lean is not None else ():
+        if t.lean is None:
+            return
+        for way in ("outward", "aside"):
             for i in range(1, TOWERS + 1):
                 name, cause = f"tower_lean_{way}_{i}", "base_joint_tilt"
                 yield Parameter(name, "rad", 0.0, t.lean, cause, f"joint_{i}")
