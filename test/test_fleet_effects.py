@@ -126,9 +126,9 @@ def test_a_fit_of_few_places_has_the_effects_of_the_fleet(priors: Path, robot: R
         odd=population.odd[:-3],
         effects=(),
     )
-    whole = error(population, robot, drawn, 8)
-    assert whole < 0.5 * error(None, robot, drawn, 16)
-    assert whole < 0.5 * error(dimensions, robot, drawn, 8)
+    whole = error(population, robot, drawn, 6)
+    assert whole < 0.5 * error(None, robot, drawn, 12)
+    assert whole < 0.5 * error(dimensions, robot, drawn, 6)
 
 
 @pytest.mark.parametrize("strength", [0.0, 3.0])

@@ -192,9 +192,7 @@ def test_a_fit_by_priors_is_no_evidence_of_a_population(
     save_calibration(tmp_path / "c.yaml", told, robot, poses)
     assert plain.effort.settings == {}
     assert told.effort.settings == {"prior": "population"}
-    assert (
-        told.std[told.chain.layout.geometry] <= 1.05 * plain.std[plain.chain.layout.geometry]
-    ).all()
+    assert (told.std[told.chain.layout.geometry] <= 1.05 * plain.std[:10]).all()
 
 
 @pytest.mark.parametrize(("odd", "most"), [(0.01, 1.2), (0.0, 2.0)])
