@@ -75,7 +75,7 @@ By robot:
   cdpr8                 base_joint_position platform_joint_position drum_scale
                         encoder_eccentricity cable_elasticity cable_sag
                         pulley_radius drum_build_up drum_eccentricity
-                        pretension_loss
+                        counter_zero_offset pretension_loss
   scara, ur10           flange_compliance
                         joint_zero_offset joint_axis_tilt link_length
                         link_offset tool_position tool_turn

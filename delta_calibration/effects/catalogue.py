@@ -10,6 +10,7 @@ from delta_calibration.effects.base import Effect, Setting
 from delta_calibration.effects.base_compliance import BaseCompliance
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag
+from delta_calibration.effects.counter_zero_offset import CounterZeroOffset
 from delta_calibration.effects.drum_build_up import DrumBuildUp
 from delta_calibration.effects.drum_eccentricity import DrumEccentricity
 from delta_calibration.effects.drum_scale import DrumScale
@@ -72,6 +73,7 @@ EFFECTS: Registry[Effect] = Registry(
         DrumBuildUp,
         DrumScale,
         DrumEccentricity,
+        CounterZeroOffset,
         SliderPitch,
         ReducerCompliance,
         GravitySag,

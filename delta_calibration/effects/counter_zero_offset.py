@@ -1,0 +1,62 @@
+"""A winch whose counter is not zero with the platform at home, as its cable was longer or shorter.
+
+dl = z
+
+A homing error: constant, where a drift grows. If the robot file has a tolerance of the zeros
+(`tolerances.zero_mm`), they are dimensions of every calibration, and no cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+from delta_calibration.effects.base import Effect
+from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.remedy import ADJUST, Remedy
+from delta_calibration.effects.signals import Places
+from delta_calibration.mechanisms import CableRobot
+from delta_calibration.model.symbols import Symbol
+from delta_calibration.model.terms import Term
+from delta_calibration.parameters import ParameterSet
+
+
+@dataclass(frozen=True)
+class CounterZeroOffset(CableEffect):
+    """Each counter is off by a constant angle."""
+
+    cause: ClassVar[str] = "counter_zero_offset"
+    remedy: ClassVar[Remedy] = Remedy(
+        ADJUST,
+        "counters",
+        "home the winches again, or give the robot file a tolerance of the zeros (zero_mm)",
+        "bring the platform to its home and read the counters",
+    )
+    kind: ClassVar[str] = "drive"
+    takes: ClassVar[tuple[str, ...]] = ()
+
+    @property
+    def suits(self) -> bool:
+        """Whether there are cables whose zeros are no dimensions."""
+        return isinstance(self.mechanism, CableRobot) and not self.mechanism.free_zeros
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """z of each counter [rad], in a Delta's radians: some tenths of a millimetre of cable."""
+        return self.each_joint("offset", "rad", 1e-3, -0.2, 0.2)
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """z."""
+        del s, c
+        return v[0]
+
+    @property
+    def variant(self) -> str:
+        """Empty, because the law takes nothing that differs between cable robots."""
+        return ""
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One term per joint."""
+        return Effect.terms(self, places)
