@@ -24,6 +24,7 @@ from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue, effect_named
 from delta_calibration.effects.cable_elasticity import CableElasticity
 from delta_calibration.effects.cable_sag import CableSag, slack_of_sag
+from delta_calibration.effects.counter_zero_offset import CounterZeroOffset
 from delta_calibration.effects.drum_build_up import DrumBuildUp, let_out
 from delta_calibration.effects.drum_eccentricity import DrumEccentricity
 from delta_calibration.effects.drum_scale import DrumScale
@@ -88,6 +89,22 @@ def test_drum_scale_is_an_error_of_k():
     wrong[CABLES.parameters.row("gain_1") :: 7] *= 1 + share
     shifted = AT.joint + effect.columns(AT) @ share
     np.testing.assert_allclose(CABLES.closure(shifted, X, G), CABLES.closure(AT.joint, X, wrong))
+
+
+def test_a_counter_that_is_not_zero_at_home_is_off_everywhere_alike():
+    effect = CounterZeroOffset(ROBOT, CABLES)
+    off = np.linspace(-1.0, 1.0, 8)
+    np.testing.assert_allclose(effect.columns(AT) @ off, np.tile(off, (len(X), 1)))
+    zeros = CableRobot(EIGHT_CABLES, replace(TOLERANCES, zero=1e-3))
+    assert not CounterZeroOffset(ROBOT, zeros).suits  # then they are dimensions
+
+
+@pytest.mark.slow
+def test_a_homing_error_is_no_drift():
+    """It had been named a drift of the counters, up to 98 % sure."""
+    said = judge(Task("single", 8820, (("counter_zero_offset", 400.0),), robot="cdpr8").key)
+    assert [f["cause"] for f in said["findings"]] == ["counter_zero_offset"]
+    assert not said["unknown"]
 
 
 def test_build_up_is_a_spiral_summed_over_its_turns():

@@ -74,6 +74,7 @@ OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "pulley_radius",
             "drum_build_up",
             "drum_eccentricity",
+            "counter_zero_offset",
         ),
         ("base_joint_position", "platform_joint_position", "drum_scale"),
     ),

@@ -41,7 +41,7 @@ class CableRobot(Mechanism):
 
     With more cables than freedoms no pose fits all lengths of a real machine: forward kinematics
     give the pose of least squared closure. Their derivatives are those at zero closure.
-    Leaves out mass and stretch of the cables, pulleys, layers on the drum: see the effects.
+    Leaves out mass and stretch of the cables, pulleys, errors of drums: see the effects.
     """
 
     name: ClassVar[str] = "cable_robot"

@@ -20,6 +20,7 @@ _PULLEY = 20e-3  # [m]
 _DRUM = 1e-3
 _LOST = 0.15  # share of the pretension
 _LAYER = 30e-6  # [m^2/m]
+_HOMED = 0.5e-3  # [m]
 _RUN_OUT = 0.15e-3  # [m] of a drum's groove
 
 
@@ -158,6 +159,17 @@ def drum_eccentricity(rng: np.random.Generator, strength: float, legs: Array) ->
     return Cause("drum_eccentricity", act, values, location=f"cable_{drum + 1}")
 
 
+def counter_zero_offset(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Winches were homed with their cables a little longer or shorter than at home."""
+    size = rng.uniform(0.3, 1.0, CDPR8.gain.shape) * rng.choice([-1.0, 1.0], CDPR8.gain.shape)
+    off = np.where(legs, strength * _HOMED * size, 0.0)
+
+    def act(world: World, state: State) -> None:
+        _lets_out(state, np.tile(off, (len(world.command), 1)))
+
+    return Cause("counter_zero_offset", act)
+
+
 def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
     """Causes that can be hidden in a cable robot by name, and kinds that are in no catalogue."""
     geared = ("backlash", "stick_slip", "joint_lag", "encoder_eccentricity", "joint_zero_drift")
@@ -178,6 +190,7 @@ def winch_causes() -> tuple[dict[str, Draw], dict[str, Draw]]:
         "pulley_radius": pulley_radius,
         "drum_build_up": drum_build_up,
         "drum_eccentricity": drum_eccentricity,
+        "counter_zero_offset": counter_zero_offset,
         "pretension_loss": pretension_loss,
         "base_joint_position": wrong("base_joint_position", "anchor", 10e-3),
         "platform_joint_position": wrong("platform_joint_position", "joint", 3e-3),
