@@ -15,7 +15,7 @@ FOREIGN = (
     (71334, "rub", 316.79),  # a harmonic, with nothing left beside it: less probable than a map
     (763759, "drag", 181.81),  # an eccentric encoder, which a map beside it refutes
     (673933, "rub", 119.80),  # a harmonic, not clearly more probable than a map
-    (212450, "drag", 87.0),  # an eccentric encoder, more probable than a map, not confirmed
+    (212452, "drag", 120.0),  # weak
     (250400, "drag", 3156.48),  # an eccentric encoder, after maps are rejected
     (425358, "rub", 240.39),  # a harmonic, far less probable than a law, which also fails
 )
