@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from delta_calibration.simulation.hidden import Causes, hide
 Array = NDArray[np.float64]
 
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
+_LATER = "_on_arm_"  # in the names of such errors
 _FARTHEST = 10.0  # [m] of a reflector from where it should be
 _REFLECTOR = 1e-3  # [m] usual mounting error of the reflector; less if the file's prior is less
 
@@ -129,7 +131,7 @@ def draw_machine(
     rng = np.random.default_rng(seed)
     mechanism = robot.detailed
     parameters = mechanism.parameters
-    drawn = parameters.prior * rng.standard_normal(len(parameters))
+    drawn = parameters.prior * _errors(parameters.names, rng, seed)
     bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
     tilt = 0.02 * rng.standard_normal(2)
     rotation = rotations.exp(np.array([*tilt, 0.0])) @ rotations.about_z(turn)
@@ -146,6 +148,18 @@ def draw_machine(
     return TrueMachine(
         robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
     )
+
+
+def _errors(names: Sequence[str], rng: np.random.Generator, seed: int) -> Array:
+    """Errors of the parts in standard deviations, (p,).
+
+    Those that a model learned later have random numbers of their own: a seed keeps its machine.
+    """
+    later = np.array([_LATER in name for name in names])
+    drawn = np.zeros(len(names))
+    drawn[~later] = rng.standard_normal(int((~later).sum()))
+    drawn[later] = np.random.default_rng([seed, 3]).standard_normal(int(later.sum()))
+    return drawn
 
 
 def _require_possible(chain: Chain, theta: Array) -> None:
