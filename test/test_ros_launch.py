@@ -158,6 +158,6 @@ def test_a_cell_stands_up_as_launched(
     node.create_subscription(JointState, "joint_states_all", heard.append, 100)
     said = {executable: process.output for executable, process in nodes.items()}
     assert bench.until(lambda: len(heard) > 20, PATIENCE_S), said
-    assert len(heard[-1].name) == 3 + 18
+    assert len(heard[-1].name) == 3 + 21
     assert nodes["calibration_node"].says("configured for srbd", PATIENCE_S)
     assert all(process.process.poll() is None for process in nodes.values())

@@ -131,7 +131,7 @@ def draw_machine(
     rng = np.random.default_rng(seed)
     mechanism = robot.detailed
     parameters = mechanism.parameters
-    drawn = parameters.prior * _errors(parameters.names, rng, seed)
+    drawn = parameters.prior * _errors(parameters.names, rng)
     bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
     tilt = 0.02 * rng.standard_normal(2)
     rotation = rotations.exp(np.array([*tilt, 0.0])) @ rotations.about_z(turn)
@@ -150,15 +150,15 @@ def draw_machine(
     )
 
 
-def _errors(names: Sequence[str], rng: np.random.Generator, seed: int) -> Array:
+def _errors(names: Sequence[str], rng: np.random.Generator) -> Array:
     """Errors of the parts in standard deviations, (p,).
 
-    Those that a model learned later have random numbers of their own: a seed keeps its machine.
+    Those that a model learned later are not drawn: a seed keeps its machine, and recorded
+    sessions can be made again.
     """
-    later = np.array([_LATER in name for name in names])
     drawn = np.zeros(len(names))
-    drawn[~later] = rng.standard_normal(int((~later).sum()))
-    drawn[later] = np.random.default_rng([seed, 3]).standard_normal(int(later.sum()))
+    known = np.array([_LATER not in name for name in names])
+    drawn[known] = rng.standard_normal(int(known.sum()))
     return drawn
 
 
