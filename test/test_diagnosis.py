@@ -129,7 +129,7 @@ def test_a_tracker_that_slipped_once_is_told_as_that() -> None:
 
 @pytest.mark.parametrize(
     ("effect", "cause", "parameters"),
-    [("geometry:strength=4", "geometry", 60), ("smr_offset:strength=6", "smr_offset", 3)],
+    [("geometry:strength=4", "geometry", 66), ("smr_offset:strength=6", "smr_offset", 3)],
 )
 def test_what_is_always_fitted_is_named_beyond_its_priors(
     effect: str, cause: str, parameters: int, tmp_path: Path
@@ -160,7 +160,7 @@ def test_what_is_always_fitted_is_named_beyond_its_priors(
     assert finding.cause == cause
     assert len(finding.parameters) == parameters
     assert finding.confidence > 0.94  # 0.95 at most: no catalogue is complete
-    assert finding.gain > 0.9
+    assert finding.gain > 0.85
 
 
 def test_strong_causes_are_named_though_they_drew_the_reflector_away() -> None:

@@ -452,7 +452,7 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     signal = columns @ np.full((3, 1), 2.0)
     everywhere = with_residual(evidence, noise + signal)
     assert cross_validation.foretold(everywhere, Plain(columns), bounds, part) > 0.8
-    here = np.repeat(part == 2, 3)[:, None]
+    here = np.repeat(part == 0, 3)[:, None]
     somewhere = with_residual(evidence, noise + 3 * signal * here)
     assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
 

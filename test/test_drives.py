@@ -46,6 +46,7 @@ OF_READINGS = (
     "transmission_error",
     "joint_zero_drift",
     "joint_error_curve",
+    "counter_zero_offset",
 )
 
 

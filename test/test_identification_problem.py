@@ -92,7 +92,7 @@ def test_a_search_ends_at_a_minimum_that_is_known(problem):
 
 def test_a_platform_that_cannot_rotate_has_one_minimum_of_the_offset():
     """Three spheres: the offset is the frame's, so that no other one is tried, from anywhere."""
-    problem = problem_of(found(0)[1], "rotary_delta")
+    problem = problem_of(found(1)[1], "rotary_delta")
     one = solve(problem)
     for side in (-1.0, 1.0):
         begin = Near(np.where(problem.offset_rows(), side, 0.0))
