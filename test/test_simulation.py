@@ -170,7 +170,10 @@ def test_parts_scatter_by_their_tolerances():
     """200 machines, with each parameter of the geometry in units of its prior."""
     nominal = draw_machine(ROBOT, 0).chain.mechanism.parameters
     g = np.array([draw_machine(ROBOT, seed).theta[: len(nominal)] for seed in range(200)])
-    z = (g - nominal.nominal) / nominal.prior
+    drawn = np.array(
+        ["_on_arm_" not in name for name in nominal.names]
+    )  # a seed keeps its machine
+    z = ((g - nominal.nominal) / nominal.prior)[:, drawn]
     assert kstest(z.ravel(), "norm").pvalue > 1e-3
     sizes = z.std(axis=0)
     assert 0.8 < sizes.min() < sizes.max() < 1.25
@@ -263,7 +266,7 @@ def same(a, b):
 def test_the_seeds_decide_everything():
     machine = draw_machine(ROBOT, 6)
     np.testing.assert_array_equal(machine.theta, draw_machine(ROBOT, 6).theta)
-    assert (machine.theta != draw_machine(ROBOT, 7).theta).all()
+    assert (machine.theta != draw_machine(ROBOT, 7).theta).sum() == len(machine.theta) - 6
     once = simulate_session(machine, LINE, 9)
     assert same(once, simulate_session(machine, LINE, 9)) == [True, True, True]
     assert same(once, simulate_session(machine, LINE, 10)) == [True, False, False]
@@ -329,6 +332,6 @@ def test_every_leg_is_handed_on_for_a_progress_bar():
 
 
 def test_a_machine_that_cannot_follow_names_plan_and_command():
-    hidden = {"arm_length": at(1.0)}
+    hidden = {"arm_length": at(0.3)}
     with pytest.raises(ReachError, match=r"plan 'line': joint command 1 \(.*\) is out of"):
         simulate_session(draw_machine(ROBOT, 0, hidden=hidden), LINE, 0)
