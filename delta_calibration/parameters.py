@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 
 import numpy as np
@@ -22,7 +22,9 @@ class Parameter:
     `prior` is the standard deviation of (actual - nominal) before any measurement; `inf` if
     nothing is known. `cause` is the name under which an error of this parameter is reported,
     `location` the joint or chain that it belongs to. `lower` and `upper` are physical bounds: no
-    stiffness is negative, no metal expands by a hundredth.
+    stiffness is negative, no metal expands by a hundredth. `drawn` is false for an error that
+    simulated machines do not have, so that a seed keeps the machine that it gave before a model
+    learned of that error.
     """
 
     name: str
@@ -33,6 +35,7 @@ class Parameter:
     location: str | None = None
     lower: float = -inf
     upper: float = inf
+    drawn: bool = field(default=True, kw_only=True)
 
 
 @dataclass(frozen=True)

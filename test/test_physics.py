@@ -43,6 +43,7 @@ from physics.machine import (
 from physics.plan import HEAVY, circles, places, stops
 from physics.rig import Rig
 from physics.session import measured
+from study.bodies import CASES, judge
 
 HEIGHT = np.sqrt(ROD**2 - (RADIUS + ARM - PLATFORM) ** 2)  # [m] below the base, arms level
 SPRING, GAP = 2.5e4, 0.3e-3  # [N m/rad], [rad]
@@ -205,6 +206,16 @@ def test_a_drive_that_yields_with_play_and_friction_is_all_three():
         names = {"backlash": GAP, "joint_compliance": 1 / SPRING, "stick_slip": 3.0 / SPRING}
         for each in list(finding.parameters.values())[:3]:
             assert abs(each.value - names[finding.cause]) < 4 * each.std
+
+
+@pytest.mark.slow
+def test_two_causes_that_were_one_in_their_first_shapes_are_told_apart():
+    """Backlash that loads never decide was like friction that winds up a spring."""
+    name = "backlash and drive springs under weight and friction"
+    (number,) = (i for i, case in enumerate(CASES) if case.name == name)
+    said = judge(number, 43)
+    assert set(said["said"]) == {"backlash", "joint_compliance", "stick_slip"}
+    assert "friction" in said["shape"]["backlash"]
 
 
 @pytest.mark.slow

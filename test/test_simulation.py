@@ -170,9 +170,7 @@ def test_parts_scatter_by_their_tolerances():
     """200 machines, with each parameter of the geometry in units of its prior."""
     nominal = draw_machine(ROBOT, 0).chain.mechanism.parameters
     g = np.array([draw_machine(ROBOT, seed).theta[: len(nominal)] for seed in range(200)])
-    drawn = np.array(
-        ["_on_arm_" not in name for name in nominal.names]
-    )  # a seed keeps its machine
+    drawn = np.array([parameter.drawn for parameter in nominal])
     z = ((g - nominal.nominal) / nominal.prior)[:, drawn]
     assert kstest(z.ravel(), "norm").pvalue > 1e-3
     sizes = z.std(axis=0)

@@ -118,7 +118,7 @@ class _Fits:
         return fit, cost
 
     def keep_best(self) -> None:
-        """Free the memory of all fits but the best, whose evidence was asked for again."""
+        """Free the memory of all fits but the best; evidence may have been computed again."""
         for fit, _ in self.known.values():
             if fit is not self.best[0]:
                 fit.forget()

@@ -1,9 +1,9 @@
-"""A winch whose counter is not zero with the platform at home, as its cable was longer or shorter.
+"""Homing error of a winch: its counter does not read zero with the platform at home.
 
-dl = z
+dq = z
 
-A homing error: constant, where a drift grows. If the robot file has a tolerance of the zeros
-(`tolerances.zero_mm`), they are dimensions of every calibration, and no cause.
+The error is constant, while a drift grows. If the robot file has a tolerance of the zeros
+(`tolerances.zero_mm`), they are dimensions of every calibration and no cause.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class CounterZeroOffset(CableEffect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """z of each counter [rad], in a Delta's radians: some tenths of a millimetre of cable."""
+        """z of each counter [rad]: 1 mrad of a Delta's joint, 0.3 mm of cable."""
         return self.each_joint("offset", "rad", 1e-3, -0.2, 0.2)
 
     @staticmethod

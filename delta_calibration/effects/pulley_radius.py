@@ -105,7 +105,7 @@ class PulleyRadius(CableEffect):
             yield replace(term, constants=(*term.constants, side))
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Cables from either side, at the pulleys above the platform and at those below."""
+        """Every combination of sides from which cables come to upper and to lower pulleys."""
         del at
         both, one = (BELOW, ABOVE), (BELOW,)
         above, below = self._is_upper.any(), not self._is_upper.all()

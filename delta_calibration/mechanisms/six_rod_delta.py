@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -137,7 +138,10 @@ class SixRodDelta(DeltaModel):
             *pair("platform_half_width", d.half_width, t.half_width, "parallelogram_mismatch"),
             *tilt("elbow_line", t.line_tilt, "parallelogram_mismatch"),
             *tilt("platform_line", t.line_tilt, "parallelogram_mismatch"),
-            *tilt("elbow_line_on_arm", t.line_tilt, "parallelogram_mismatch"),
+            *(
+                replace(each, drawn=False)
+                for each in tilt("elbow_line_on_arm", t.line_tilt, "parallelogram_mismatch")
+            ),
         ]
 
 

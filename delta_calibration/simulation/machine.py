@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from delta_calibration.data import Conditions, at_rest
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms.possible import impossible
+from delta_calibration.parameters import ParameterSet
 from delta_calibration.robot import Robot
 from delta_calibration.simulation.climate import AMBIENT, PARTS
 from delta_calibration.simulation.hidden import Causes, hide
@@ -20,7 +20,6 @@ from delta_calibration.simulation.hidden import Causes, hide
 Array = NDArray[np.float64]
 
 _DISTANCE = 3.0  # [m] of the tracker from the robot's base
-_LATER = "_on_arm_"  # in the names of such errors
 _FARTHEST = 10.0  # [m] of a reflector from where it should be
 _REFLECTOR = 1e-3  # [m] usual mounting error of the reflector; less if the file's prior is less
 
@@ -131,7 +130,7 @@ def draw_machine(
     rng = np.random.default_rng(seed)
     mechanism = robot.detailed
     parameters = mechanism.parameters
-    drawn = parameters.prior * _errors(parameters.names, rng)
+    drawn = parameters.prior * _errors(parameters, rng)
     bearing, turn = rng.uniform(0, 2 * np.pi), rng.uniform(0, 2 * np.pi)
     tilt = 0.02 * rng.standard_normal(2)
     rotation = rotations.exp(np.array([*tilt, 0.0])) @ rotations.about_z(turn)
@@ -144,26 +143,22 @@ def draw_machine(
     theta = chain.join(parameters.nominal + scatter * drawn, offset, Frame(rotation, place))
     causes = hide(robot, chain, hidden, seed)
     theta[chain.layout.dimensions] += causes.shift
-    _require_possible(chain, theta)
+    _require_buildable(chain, theta)
     return TrueMachine(
         robot, chain.with_effects(causes.effects), np.concatenate([theta, causes.values])
     )
 
 
-def _errors(names: Sequence[str], rng: np.random.Generator) -> Array:
-    """Errors of the parts in standard deviations, (p,).
-
-    Those that a model learned later are not drawn: a seed keeps its machine, and recorded
-    sessions can be made again.
-    """
-    drawn = np.zeros(len(names))
-    known = np.array([_LATER not in name for name in names])
-    drawn[known] = rng.standard_normal(int(known.sum()))
-    return drawn
+def _errors(parameters: ParameterSet, rng: np.random.Generator) -> Array:
+    """Errors of the parts in standard deviations, (p,); 0 for those that are not drawn."""
+    errors = np.zeros(len(parameters))
+    drawn = np.array([parameter.drawn for parameter in parameters])
+    errors[drawn] = rng.standard_normal(int(drawn.sum()))
+    return errors
 
 
-def _require_possible(chain: Chain, theta: Array) -> None:
-    """Refuse lengths that are not positive, no pose at home, and a reflector far away."""
+def _require_buildable(chain: Chain, theta: Array) -> None:
+    """Refuse dimensions that no machine has, and a reflector far from where it should be."""
     geometry, offset, _ = chain.split(theta)
     if wrong := impossible(chain.mechanism, geometry):
         raise InputError(f"such a machine cannot be built: {wrong}")
