@@ -8,22 +8,18 @@ The error is constant, while a drift grows. If the robot file has a tolerance of
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
-from delta_calibration.effects.base import Effect
-from delta_calibration.effects.cables import CableEffect
+from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import Places
 from delta_calibration.mechanisms import CableRobot
 from delta_calibration.model.symbols import Symbol
-from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class CounterZeroOffset(CableEffect):
+class CounterZeroOffset(Effect):
     """Each counter is off by a constant angle."""
 
     cause: ClassVar[str] = "counter_zero_offset"
@@ -34,6 +30,8 @@ class CounterZeroOffset(CableEffect):
         "bring the platform to its home and read the counters",
     )
     kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE
+    gentle: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -51,12 +49,3 @@ class CounterZeroOffset(CableEffect):
         """z."""
         del s, c
         return v[0]
-
-    @property
-    def variant(self) -> str:
-        """Empty, because the law takes nothing that differs between cable robots."""
-        return ""
-
-    def terms(self, places: Places) -> Iterator[Term]:
-        """One term per joint."""
-        return Effect.terms(self, places)
