@@ -16,6 +16,7 @@ from delta_calibration.cell.health import Level
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session
 from delta_calibration.doctor import check
+from delta_calibration.doctor.clocks import Motion, _late
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
 from delta_calibration.recording import read_session, write_session
@@ -316,3 +317,24 @@ def test_the_right_robot_may_have_more_joints(own: str, given: str) -> None:
     case = clean_case(own, 12)
     (found,) = check(case.session, load_robot(given)).found
     assert (found.mistake, found.mend) == ("wrong_robot", f"`--robot {own}`")
+
+
+def test_stops_at_equal_intervals_do_not_shift_a_clock():
+    """Speeds of the states that resemble the tracker's at the same and at the next move alike."""
+    interval, moves = 3.0, 13
+    time = np.arange(0.0, (moves - 1) * interval, 0.05)
+    move = np.clip(1.5 - np.abs(time % interval - 0.75) / 0.3, 0.0, 1.0)
+    rng = np.random.default_rng(0)
+    matched = 0
+    for _ in range(100):
+        speed = rng.uniform(0.6, 1.2, moves)
+        tracker, states = (
+            Motion(begin, np.repeat(of, len(time) // (moves - 1)) * move)
+            for begin, of in ((0.0, speed[:-1]), (0.02, 0.5 * (speed[:-1] + speed[1:])))
+        )
+        clock = _late(tracker, states)
+        if clock is not None:
+            matched += 1
+            assert abs(clock.offset) < 0.1
+            assert abs(clock.drifted) < 0.1
+    assert matched

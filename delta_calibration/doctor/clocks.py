@@ -223,8 +223,21 @@ def _late(reference: Motion | None, other: Motion | None) -> Clock | None:
     for line in _lines(reference, other, shift, width):
         clock = _clock(reference, other, width, line)
         if clock is not None and clock.likeness >= _SURE:
-            return clock
+            return clock if _better(clock) else _as_recorded(clock)
     return None
+
+
+def _better(clock: Clock) -> bool:
+    """Whether its correction removes at least half of what does not match as recorded.
+
+    Moves at equal intervals look alike when shifted by an interval; that removes next to nothing.
+    """
+    return 1 - clock.likeness < 0.5 * (1 - clock.before)
+
+
+def _as_recorded(clock: Clock) -> Clock:
+    """The clock if the stamps are right as they are."""
+    return replace(clock, offset=0.0, rate=0.0, likeness=clock.before)
 
 
 def _lines(reference: Motion, other: Motion, shift: float, width: int) -> Iterator[Line]:
