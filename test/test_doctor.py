@@ -19,8 +19,10 @@ from delta_calibration.doctor import check
 from delta_calibration.doctor.clocks import Motion, _late
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
+from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session, write_session
 from delta_calibration.robot import load_robot, robot_document
+from delta_calibration.simulation import draw_machine, simulate_session
 from mistakes import BOTH, KINDS, clean_case, examined, has_turns, joints, judged, stamped
 
 # Kinds by robot: all on the one with the fastest sessions, on the others what is special.
@@ -338,3 +340,18 @@ def test_stops_at_equal_intervals_do_not_shift_a_clock():
             assert abs(clock.offset) < 0.1
             assert abs(clock.drifted) < 0.1
     assert matched
+
+
+def test_a_tracker_that_freezes_is_told_and_no_other_robot():
+    """What it repeats for two thirds of the session says nothing about the robot."""
+    robot = load_robot("srbd")
+    session = simulate_session(draw_machine(robot, 3), make_plan("identify", robot, count=30), 3)
+    seen = session.tracker.position.copy()
+    begin = len(seen) // 3
+    seen[begin:] = seen[begin]
+    checked = check(replace(session, tracker=replace(session.tracker, position=seen)), robot)
+    assert checked.found == ()
+    assert checked.notes == (
+        f"{len(seen) - begin - 1} of {len(seen)} tracker readings repeat a frozen value and are "
+        "left out",
+    )

@@ -3,7 +3,7 @@
 from delta_calibration.data.conditions import Conditions, at_rest, joined
 from delta_calibration.data.motion import Motion, Stroke, motion_of
 from delta_calibration.data.poses import Paths, Poses, Survey, collect, require_poses, survey
-from delta_calibration.data.readings import Readings, Rejected, match
+from delta_calibration.data.readings import Readings, Rejected, match, repeats
 from delta_calibration.data.streams import (
     SIMULATED_NS,
     JointStream,
@@ -33,6 +33,7 @@ __all__ = [
     "joined",
     "match",
     "motion_of",
+    "repeats",
     "require_poses",
     "survey",
 ]

@@ -94,7 +94,7 @@ def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0)
             "no joint_states recorded: the commanded joints are used instead of measured ones"
         )
     stamps, kept, repeated = _in_order(tracker.stamp_ns)
-    frozen = _frozen(tracker.position[kept])
+    frozen = repeats(tracker.position[kept])
     kept, stamps = kept[~frozen], stamps[~frozen]
     held = _HELD * joint_size
     joint, known = _at(_ordered(states, joint_names, session.source), stamps, held)
@@ -166,8 +166,11 @@ def _in_order(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
     return unique, rows, len(stamps) - len(unique)
 
 
-def _frozen(position: Array) -> Mask:
-    """Mask of readings in runs of `_FROZEN` or more equal ones, except the first of a run."""
+def repeats(position: Array) -> Mask:
+    """Mask of readings (n, 3) that repeat a frozen value, (n,).
+
+    They are runs of three or more equal readings, except the first of a run.
+    """
     same = np.r_[False, (np.diff(position, axis=0) == 0).all(axis=1)]
     run = np.cumsum(~same)
     length = np.bincount(run)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.data import Session
+from delta_calibration.data import Session, repeats
 from delta_calibration.doctor import clocks, hypotheses, loggers
 from delta_calibration.doctor.change import (
     ROBOT_FILE,
@@ -38,6 +38,7 @@ from delta_calibration.threads import one_thread
 Array = NDArray[np.float64]
 
 _ROUNDS = 4
+_MANY = 0.05  # least share of frozen readings that is told
 
 
 @one_thread()
@@ -60,11 +61,12 @@ def check(
     named = _named(session, robot)
     if named is not None:
         return named
-    checked = _in_time(Checked((), in_order(session, robot.joints.names), robot, prefer=prefer))
+    ordered = in_order(session, robot.joints.names)
+    checked = _in_time(Checked((), ordered, robot, notes=_frozen(session), prefer=prefer))
     stops = checked.stops
     if stops is None:
         few = f"fewer than {LEAST} stops with joints and readings: only clocks were checked"
-        return replace(checked, notes=(few,))
+        return replace(checked, notes=(*checked.notes, few))
     for change, evidence in wiring(stops, robot):
         checked = checked.with_(change, evidence)
     checked, unexplained = _placed(checked, document, source)
@@ -166,6 +168,17 @@ def _fits(session: Session, robot: Robot) -> bool:
     session = in_order(session, robot.joints.names)
     stops = stops_of(session)
     return stops is not None and Trial(session, robot, stops).misfit <= EXPLAINED
+
+
+def _frozen(session: Session) -> tuple[str, ...]:
+    """A note if many of the tracker's readings repeat the one before them."""
+    if session.tracker is None:
+        return ()
+    again = repeats(session.tracker.position)
+    if not again.any() or again.mean() < _MANY:
+        return ()
+    said = f"{again.sum()} of {len(again)} tracker readings repeat a frozen value and are left out"
+    return (said,)
 
 
 def _in_time(checked: Checked) -> Checked:

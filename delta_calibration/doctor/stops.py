@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.data import JointStream, Session, TrackerStream
+from delta_calibration.data import JointStream, Session, TrackerStream, repeats
 from delta_calibration.doctor.change import joint_streams, joints_of
 
 Array = NDArray[np.float64]
@@ -33,10 +33,14 @@ LEAST = 6  # stops; with fewer a session cannot be examined
 def stops_of(session: Session) -> Session | None:
     """The stops of a session with joints in order (`in_order`); None if there are too few.
 
-    All streams of the result have the same stamps: the middle of each stop.
+    All streams of the result have the same stamps: the middle of each stop. Readings that repeat a
+    frozen value are left out.
     """
     tracker, names = session.tracker, joint_streams(session)
-    if tracker is None or not names or len(tracker.stamp_ns) < LEAST:
+    if tracker is None or not names:
+        return None
+    tracker = _rows(tracker, ~repeats(tracker.position))
+    if len(tracker.stamp_ns) < LEAST:
         return None
     joints = {name: joints_of(session, name) for name in names}
     pitch = float(np.median(np.diff(tracker.stamp_ns))) * 1e-9
