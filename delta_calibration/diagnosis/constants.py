@@ -47,7 +47,7 @@ MUCH_OF = 0.25  # share of what geometry explains that one dimension must, to be
 # scatter of all dimensions, in tolerances, from which `geometry` is a finding
 BEYOND = 1.5
 ELSEWHERE = 1e-5  # p below which the reflector's offset is a finding: its prior is no tolerance
-NAMING = 25.0  # lambda at which the confidence in a name reaches 63 % of its maximum
+NAMING = 12.0  # lambda at which the confidence in a name reaches 63 % of its maximum
 SHADOW = 0.9  # share of what a map explains that a named cause must explain to be preferred
 SHADOWED = 0.5  # share of a cause's signal that a map also follows, above which a map may hide it
 KNOWN = 0.98  # maximum confidence in a name: of 196 stated with 0.95, all were of the class

@@ -17,8 +17,9 @@ out. P holds the precisions of the priors of z.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,7 @@ from delta_calibration.geometry import rotations
 from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 from delta_calibration.theta import Layout
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -56,6 +58,7 @@ _AT_A_TIME, _DRAWS = 4096, 64  # readings in motion, draws of noise: in memory t
 _AROUND = 9  # readings in the median about each reading of a path
 _TURNING = 2e-3  # [rad of a Delta] of travel after a reversal
 _INNER, _RECORDED, _STANDING = "inner", "recorded", "standing"  # keys of the memo
+_ROUNDING = 1e-9  # share of the information that differences of sums cannot be trusted to
 _SHORTLY = 15.0  # [s] longest gap between a stop on the way and the motion before or after it
 
 
@@ -134,10 +137,15 @@ class LinearizedModel:
         root = self.whiten[rows, : self.axes, : self.axes]
         return np.asarray(np.linalg.solve(root, whitened[:, : self.axes, None])[..., 0])
 
+    @property
+    def _columns(self) -> Array:
+        """Columns of the parameters that every calibration fits, (d n, A)."""
+        return self.nuisance.reshape(self.size, self.nuisance.shape[2])
+
     @cached_property
     def possible(self) -> Columns:
         """Columns of all nuisance parameters, A."""
-        return joined([Plain(self.nuisance.reshape(self.size, -1)), *self.others])
+        return joined([Plain(self._columns), *self.others])
 
     @cached_property
     def _shared(self) -> Array:
@@ -177,7 +185,7 @@ class LinearizedModel:
     @property
     def geometry(self) -> Array:
         """Whitened columns of the mechanism's dimensions in units of their priors, (d n, p)."""
-        return self.nuisance.reshape(self.size, -1)[:, self.chain.layout.geometry]
+        return self._columns[:, self.chain.layout.geometry]
 
     @property
     def column(self) -> Array:
@@ -277,10 +285,50 @@ class LinearizedModel:
         drawn = rng.standard_normal((self.size, count))
         drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
         self.rest.draw_into(drawn, rng)
-        for begin in range(0, count, _DRAWS):
-            own = slice(begin, begin + _DRAWS)
+        for own in _spans(count):
             drawn[:, own] += self.possible.times(z[:, own])
         return drawn
+
+    def noise_left(
+        self, rows: NDArray[np.intp], count: int, rng: np.random.Generator
+    ) -> Iterator[Array]:
+        """Yield simulated residuals V^-1 r of such a machine at some samples, (k, d, count) each.
+
+        The other samples and the priors enter as what they tell about z. With A, C and the noise e
+        of these samples, and N = A^T C^-1 A of all:
+
+            V^-1 r = C^-1 (e - A (N + P)^-1 (A^T C^-1 e + y))      y ~ N(0, P + N - A^T C^-1 A)
+
+        Args:
+            rows: samples whose rest errors no others share: poses, or all readings in motion.
+            count: number of draws each time.
+            rng: of the draws.
+        """
+        own = self.take(rows)
+        root = self._told_but_by(own, rows)
+        while True:
+            drawn = rng.standard_normal((own.size, count))
+            drawn *= own._believed
+            own.rest.draw_into(drawn, rng)
+            told = root @ rng.standard_normal((len(root), count))
+            mapped(partial(self._fit_noise, own, drawn, told), _spans(count))
+            yield drawn.reshape(len(rows), self.coordinates, count)
+
+    def _fit_noise(self, own: LinearizedModel, drawn: Array, told: Array, some: slice) -> None:
+        """Replace some draws of noise of the samples `own` by what a fit leaves of them."""
+        z = cho_solve(self._factor, own.along(Plain(drawn[:, some])) + told[:, some])
+        drawn[:, some] = own.rest.without(drawn[:, some] - own.possible.times(z))
+
+    def _told_but_by(self, own: LinearizedModel, rows: NDArray[np.intp]) -> Array:
+        """Root of P + A^T C^-1 A over all samples but these, (A, A)."""
+        if 2 * len(rows) > len(self):  # sums over the fewer samples
+            others = self.take(np.delete(np.arange(len(self)), rows)).normal
+        else:
+            others = self.normal - own.normal
+        others = others + np.diag(self.precision)
+        size = np.sqrt(np.diag(self.normal) + self.precision)
+        shares = others / size[:, None] / size + _ROUNDING * np.eye(len(size))
+        return np.asarray(size[:, None] * np.linalg.cholesky(shares))
 
     @cached_property
     def _believed(self) -> Array:
@@ -442,6 +490,11 @@ class LinearizedModel:
         """Residuals less nuisance z and less the rest errors estimated from these, (n, d)."""
         left = self.rest.without(self.column - self.possible.times(z[:, None]))
         return left.reshape(self.residual.shape)
+
+
+def _spans(count: int) -> list[slice]:
+    """Draws that are in memory together."""
+    return [slice(begin, begin + _DRAWS) for begin in range(0, count, _DRAWS)]
 
 
 def gather(

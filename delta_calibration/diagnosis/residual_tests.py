@@ -19,8 +19,9 @@ the poses set aside as gross errors miss alike, they are no outliers.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import groupby, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +33,13 @@ from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
 from delta_calibration.diagnosis.tails import moments, pearson3
-from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
-_DRAWS, _AT_A_TIME = 200, 50
-_MORE = 20  # further sets of draws if p is close to ALPHA
+_DRAWS = 200
+_MORE = 20  # sets of draws instead of one if p is close to ALPHA
 _CLOSE = 20.0  # factor above ALPHA up to which these are made
 _FAR = 1000.0  # the same below: tails of a few draws may be that much too short
 _NEIGHBOURS = 6
@@ -73,11 +73,12 @@ def audit(
         rng: of the draws.
     """
     asked, every = _asked(evidence), evidence.left()
-    chance = _drawn(evidence, asked, rng)
+    chance = _drawn(evidence, asked, 1, rng)
     p = _probabilities(every, asked, chance, noise_degrees)
-    if ALPHA / _FAR < len(p) * min(p.values()) < ALPHA * _CLOSE:
-        more = [chance, *(_drawn(evidence, asked, rng) for _ in range(_MORE))]
-        chance = [np.concatenate(each, axis=1) for each in zip(*more, strict=True)]
+    if _close(p.values(), len(p)):
+        for own, moving in ((slice(-1), False), (slice(-1, None), True)):
+            if _close([p[name] for name in p if (name == MOTION) is moving], len(p)):
+                chance[own] = _drawn(evidence, asked[own], _MORE, rng)
         p = _probabilities(every, asked, chance, noise_degrees)
     rows = asked[0].rows
     place = evidence.chain.mechanism.position(evidence.pose[rows])
@@ -91,6 +92,11 @@ def audit(
         in_motion=_going_along(evidence, every, asked[-1], chance[-1]),
         worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],
     )
+
+
+def _close(some: Collection[float], tests: int) -> bool:
+    """Whether the least p of some tests is so near the threshold that it must be known better."""
+    return ALPHA / _FAR < tests * min(some, default=1.0) < ALPHA * _CLOSE
 
 
 @dataclass(frozen=True)
@@ -114,18 +120,22 @@ def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
 
 
 def _drawn(
-    evidence: LinearizedModel, asked: Sequence[_Neighbourhood], rng: np.random.Generator
+    evidence: LinearizedModel,
+    asked: Sequence[_Neighbourhood],
+    times: int,
+    rng: np.random.Generator,
 ) -> list[Array]:
-    """Chi square and Moran's I of simulated noise, (2, draws) for each neighbourhood."""
-    drawn = evidence.draw(_DRAWS, rng)
-    some = [slice(begin, begin + _AT_A_TIME) for begin in range(0, _DRAWS, _AT_A_TIME)]
-
-    def tested(own: slice) -> list[Array]:
-        left = evidence.weigh(drawn[:, own]).reshape(*evidence.residual.shape, -1)
-        return [_square_and_likeness(left[one.rows], one.near) for one in asked]
-
-    parts = mapped(tested, some)  # in blocks: all draws are a hundred megabytes
-    return [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
+    """Chi square and Moran's I of simulated noise, (2, times draws) for each neighbourhood."""
+    found: list[Array] = []
+    for _, same in groupby(asked, lambda one: one.name == MOTION):
+        own = list(same)
+        if not len(own[0].rows):
+            found += [np.zeros((2, 1)) for _ in own]
+            continue
+        sets = islice(evidence.noise_left(own[0].rows, _DRAWS, rng), times)
+        each = [[_square_and_likeness(left, one.near) for one in own] for left in sets]
+        found += [np.concatenate(parts, axis=1) for parts in zip(*each, strict=True)]
+    return found
 
 
 def _square_and_likeness(chance: Array, near: Near) -> Array:
