@@ -170,6 +170,29 @@ def test_draws_have_the_covariance_of_the_model(evidence, dense) -> None:
 # Scores
 
 
+@pytest.mark.parametrize("moving", [False, True])
+def test_what_a_fit_leaves_of_noise_has_the_covariance_of_the_whole_fit(moving) -> None:
+    """At the poses alone and in motion alone, although both are fitted together."""
+    seen = survey(hide({}, 7, "rich").session, ROBOT.joints.names)
+    evidence = calibrated(seen, ROBOT).beside
+    assert 50 < evidence.poses < len(evidence) - 50
+    rows = np.flatnonzero(
+        evidence.believed & ((np.arange(len(evidence)) >= evidence.poses) == moving)
+    )
+    rng = np.random.default_rng(4)
+    # lengthwise to the shapes that a fit takes most from, and across
+    taken = evidence.nuisance[rows][..., :30].reshape(3 * len(rows), -1)
+    u = np.concatenate([taken, rng.standard_normal((3 * len(rows), 10))], axis=1)
+    u /= np.linalg.norm(u, axis=0)
+    whole = np.zeros((*evidence.residual.shape, u.shape[1]))
+    whole[rows] = u.reshape(len(rows), 3, -1)
+    flat = whole.reshape(evidence.size, -1)
+    expected = np.einsum("nk,nk->k", flat, evidence.weigh(flat))
+    assert expected.min() < 0.5
+    drawn = next(evidence.noise_left(rows, 4000, rng)).reshape(3 * len(rows), -1)
+    np.testing.assert_allclose(np.var(u.T @ drawn, axis=1), expected, rtol=0.12, atol=1e-4)
+
+
 def test_decrease_is_that_of_two_nested_fits(evidence) -> None:
     """Chi square with and without the columns, both by least squares on rows."""
     columns = columns_of(candidate(evidence, "joint_scale"), evidence)
