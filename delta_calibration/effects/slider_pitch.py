@@ -15,18 +15,17 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Interval, Limits, Stage
+from delta_calibration.effects.base import Effect, Interval, Limits
 from delta_calibration.effects.demo import Demo
+from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import JOINT
-from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 _PLACES = 5  # over the travel, at which a reading is tried to be true
 
 
 @dataclass(frozen=True)
-class SliderPitch(Effect):
+class SliderPitch(JointScale):
     """Each slider moves farther than its reading, in proportion to its position.
 
     For mechanisms whose joints are lengths. The column is that of a wrong gear ratio; the expected
@@ -40,8 +39,6 @@ class SliderPitch(Effect):
         "enter the true pitch of the screw",
         "drive the carriage over its whole travel along a linear scale",
     )
-    kind: ClassVar[str] = "drive"
-    stage: ClassVar[Stage] = Stage.DRIVE
     demo: ClassVar[Demo | None] = Demo("identify", 24)
     limits: ClassVar[Limits] = {"home": (-10.0, 10.0)}
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"home": ("true_at_m", "m")}
@@ -57,13 +54,6 @@ class SliderPitch(Effect):
     def parameters(self) -> ParameterSet:
         """s of each slider [1]: a few hundredths of a millimetre over the travel."""
         return self.each_joint("pitch", "1", 50e-6, -2e-3, 2e-3)
-
-    takes: ClassVar[tuple[str, ...]] = (JOINT,)
-
-    @staticmethod
-    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """s q, from the place where the reading is true."""
-        return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
         """Drive reading at that place."""
