@@ -321,9 +321,12 @@ class LinearizedModel:
 
     def _told_but_by(self, own: LinearizedModel, rows: NDArray[np.intp]) -> Array:
         """Root of P + A^T C^-1 A over all samples but these, (A, A)."""
-        if 2 * len(rows) > len(self):  # sums over the fewer samples
-            others = self.take(np.delete(np.arange(len(self)), rows)).normal
-        else:
+        rest = np.delete(np.arange(len(self)), rows)
+        if not len(rest):
+            others = np.zeros_like(self.normal)
+        elif len(rest) < len(rows):
+            others = self.take(rest).normal
+        else:  # the sum over fewer samples, subtracted
             others = self.normal - own.normal
         others = others + np.diag(self.precision)
         size = np.sqrt(np.diag(self.normal) + self.precision)

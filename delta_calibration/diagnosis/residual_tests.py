@@ -33,12 +33,13 @@ from delta_calibration.diagnosis.constants import ALPHA, SLIGHT, SLIGHT_MOVING
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.statement import LACK_OF_FIT, MOTION
 from delta_calibration.diagnosis.tails import moments, pearson3
+from delta_calibration.threads import mapped
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Near = tuple[Index, Array]  # neighbours of each, (n, k), and their weights, (n, k)
 
-_DRAWS = 200
+_DRAWS, _AT_A_TIME = 200, 50
 _MORE = 20  # sets of draws instead of one if p is close to ALPHA
 _CLOSE = 20.0  # factor above ALPHA up to which these are made
 _FAR = 1000.0  # the same below: tails of a few draws may be that much too short
@@ -133,9 +134,17 @@ def _drawn(
             found += [np.zeros((2, 1)) for _ in own]
             continue
         sets = islice(evidence.noise_left(own[0].rows, _DRAWS, rng), times)
-        each = [[_square_and_likeness(left, one.near) for one in own] for left in sets]
-        found += [np.concatenate(parts, axis=1) for parts in zip(*each, strict=True)]
+        parts = [part for left in sets for part in _tested(left, own)]
+        found += [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
     return found
+
+
+def _tested(left: Array, asked: Sequence[_Neighbourhood]) -> list[list[Array]]:
+    """The same for draws (n, d, draws), in blocks: all draws are a hundred megabytes."""
+    some = [slice(begin, begin + _AT_A_TIME) for begin in range(0, left.shape[2], _AT_A_TIME)]
+    return mapped(
+        lambda own: [_square_and_likeness(left[..., own], one.near) for one in asked], some
+    )
 
 
 def _square_and_likeness(chance: Array, near: Near) -> Array:
