@@ -167,9 +167,6 @@ def test_draws_have_the_covariance_of_the_model(evidence, dense) -> None:
     np.testing.assert_allclose(spread, 1.0, atol=5 * np.sqrt(2 / count))
 
 
-# Scores
-
-
 @pytest.mark.parametrize("moving", [False, True])
 def test_what_a_fit_leaves_of_noise_has_the_covariance_of_the_whole_fit(moving) -> None:
     """At the poses alone and in motion alone, although both are fitted together."""
@@ -191,6 +188,9 @@ def test_what_a_fit_leaves_of_noise_has_the_covariance_of_the_whole_fit(moving) 
     assert expected.min() < 0.5
     drawn = next(evidence.noise_left(rows, 4000, rng)).reshape(3 * len(rows), -1)
     np.testing.assert_allclose(np.var(u.T @ drawn, axis=1), expected, rtol=0.12, atol=1e-4)
+
+
+# Scores
 
 
 def test_decrease_is_that_of_two_nested_fits(evidence) -> None:

@@ -167,9 +167,9 @@ def _in_order(stamps: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.
 
 
 def repeats(position: Array) -> Mask:
-    """Mask of readings (n, 3) that repeat a frozen value, (n,).
+    """Whether each reading (n, 3) repeats a frozen value, (n,).
 
-    They are runs of three or more equal readings, except the first of a run.
+    A value is frozen if three or more readings in a row are equal; the first of them counts.
     """
     same = np.r_[False, (np.diff(position, axis=0) == 0).all(axis=1)]
     run = np.cumsum(~same)

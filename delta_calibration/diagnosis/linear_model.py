@@ -282,11 +282,16 @@ class LinearizedModel:
         z = np.zeros((len(known), count))
         z[known] = rng.standard_normal((int(known.sum()), count))
         z[known] /= np.sqrt(self.precision[known])[:, None]
+        drawn = self._noise(count, rng)
+        for own in _spans(count):
+            drawn[:, own] += self.possible.times(z[:, own])
+        return drawn
+
+    def _noise(self, count: int, rng: np.random.Generator) -> Array:
+        """Simulated noise and rest errors, (d n, count)."""
         drawn = rng.standard_normal((self.size, count))
         drawn *= self._believed  # all draws of a session are a hundred megabytes: in place
         self.rest.draw_into(drawn, rng)
-        for own in _spans(count):
-            drawn[:, own] += self.possible.times(z[:, own])
         return drawn
 
     def noise_left(
@@ -307,9 +312,7 @@ class LinearizedModel:
         own = self.take(rows)
         root = self._told_but_by(own, rows)
         while True:
-            drawn = rng.standard_normal((own.size, count))
-            drawn *= own._believed
-            own.rest.draw_into(drawn, rng)
+            drawn = own._noise(count, rng)
             told = root @ rng.standard_normal((len(root), count))
             mapped(partial(self._fit_noise, own, drawn, told), _spans(count))
             yield drawn.reshape(len(rows), self.coordinates, count)

@@ -123,18 +123,18 @@ def _asked(evidence: LinearizedModel) -> list[_Neighbourhood]:
 def _drawn(
     evidence: LinearizedModel,
     asked: Sequence[_Neighbourhood],
-    times: int,
+    sets: int,
     rng: np.random.Generator,
 ) -> list[Array]:
-    """Chi square and Moran's I of simulated noise, (2, times draws) for each neighbourhood."""
+    """Chi square and Moran's I of simulated noise, (2, sets times 200) for each neighbourhood."""
     found: list[Array] = []
     for _, same in groupby(asked, lambda one: one.name == MOTION):
         own = list(same)
         if not len(own[0].rows):
             found += [np.zeros((2, 1)) for _ in own]
             continue
-        sets = islice(evidence.noise_left(own[0].rows, _DRAWS, rng), times)
-        parts = [part for left in sets for part in _tested(left, own)]
+        drawn = islice(evidence.noise_left(own[0].rows, _DRAWS, rng), sets)
+        parts = [part for left in drawn for part in _tested(left, own)]
         found += [np.concatenate(part, axis=1) for part in zip(*parts, strict=True)]
     return found
 

@@ -31,7 +31,6 @@ class CounterZeroOffset(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
-    gentle: ClassVar[bool] = True
     takes: ClassVar[tuple[str, ...]] = ()
 
     @property
@@ -41,7 +40,7 @@ class CounterZeroOffset(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """z of each counter [rad]: 1 mrad of a Delta's joint, 0.3 mm of cable."""
+        """Angle z by which each counter is off [rad]; its usual size is 0.3 mm of cable."""
         return self.each_joint("offset", "rad", 1e-3, -0.2, 0.2)
 
     @staticmethod

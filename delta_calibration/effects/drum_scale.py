@@ -25,7 +25,6 @@ class DrumScale(JointScale):
         "enter the true radius of the drums",
         "unwind ten turns from a drum and measure the length",
     )
-    gentle: ClassVar[bool] = True
 
     @property
     def suits(self) -> bool:

@@ -43,9 +43,9 @@ class JointScale(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """s q, from the mechanism's own zero."""
+        """s q, from the place where the reading is true."""
         return v[0] * (s[0] - c[0])
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Drive reading at that zero."""
+        """Drive reading at that place: the mechanism's own zero."""
         return (float(self.mechanism.drives.zero[joint]),)
