@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from delta_calibration.data import survey
-from delta_calibration.diagnosis import calibrated
+from delta_calibration.diagnosis import calibrated, narrow
 from delta_calibration.diagnosis.candidates import (
     all_columns,
     columns_of,
@@ -96,6 +96,17 @@ def fit_of(name: str) -> Model:
 def evidence_of(name: str) -> LinearizedModel:
     """Evidence of that fit."""
     return fit_of(name).evidence
+
+
+@pytest.mark.parametrize("few", [1, narrow.FEW])
+@pytest.mark.parametrize("rows", [800, 801, 803])  # four at a time, and what remains
+def test_few_columns_have_the_products_of_a_library(few: int, rows: int) -> None:
+    rng = np.random.default_rng(few)
+    x, many = rng.standard_normal((rows, few)), rng.standard_normal((rows, 60))
+    exact = x.T @ many
+    for some in (x, np.asfortranarray(x)):
+        assert narrow.along(some, many) == pytest.approx(exact, abs=1e-11)
+    assert narrow.along(x, np.asfortranarray(many)) == pytest.approx(exact, abs=1e-11)
 
 
 def test_evidence_that_was_let_go_comes_back() -> None:

@@ -9,6 +9,7 @@ import pytest
 
 from delta_calibration.data import Conditions, at_rest
 from delta_calibration.diagnosis.columns import Plain
+from delta_calibration.diagnosis.narrow import FEW
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 
 RNG = np.random.default_rng(1)
@@ -61,8 +62,9 @@ def covariance() -> np.ndarray:
     return C
 
 
-def test_inner_products_are_those_under_the_covariance(rest, covariance) -> None:
-    x = RNG.standard_normal((3 * len(PATH), 5))
+@pytest.mark.parametrize("count", [1, FEW, FEW + 3])  # few columns have code of their own
+def test_inner_products_are_those_under_the_covariance(rest, covariance, count) -> None:
+    x = RNG.standard_normal((3 * len(PATH), count))
     solved = np.linalg.solve(covariance, x)
     np.testing.assert_allclose(rest.without(x), solved, atol=1e-12)
     np.testing.assert_allclose(rest.inner(x), x.T @ solved, atol=1e-12)

@@ -61,6 +61,13 @@ class Candidate:
         return 1 if family is None else len(SIZES) * len(reaches(family))
 
     @property
+    def with_all_values(self) -> Candidate:
+        """The effect with all its values free."""
+        if self.effect is None:
+            return self
+        return replace(self, location=None, rows=tuple(range(len(self.effect.parameters))))
+
+    @property
     def label(self) -> str:
         """Readable name: the cause and its location."""
         family = self.effect.moves_with if self.effect is not None else None

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 
+from delta_calibration.diagnosis import narrow
 from delta_calibration.lazy import cached_property
 from delta_calibration.threads import mapped
 
@@ -115,6 +116,10 @@ class Plain(Matrix):
     """Dense columns."""
 
     values: Array  # (d n, k)
+
+    def along(self, y: Array) -> Array:
+        """X' y, (k, j)."""
+        return narrow.along(self.values, y)
 
     def inner(self) -> Array:
         """X' X, (k, k)."""

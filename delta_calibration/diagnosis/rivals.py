@@ -53,9 +53,10 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     # if a term is the lag of one joint, the lags of all joints are a rival of the other terms: a
     # late clock and the lag of one joint together can be the lags of all
     others = [s for s in others if not any(m.contains(s.candidate) for m in rest)]
-    others = [score for _, score in in_its_place(evidence, signal, others)]
+    near = in_its_place(evidence, signal, others)
+    others = [score for _, score in near]
     length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
-    same = equivalents(evidence, signal, others, max(1.0, model.misfit))
+    same = _nearest(length, near, max(1.0, model.misfit))
     causes = {term.cause, *(candidate.cause for candidate in same)}
     return Rivalry(
         confidence=named(length) * _confidence(model, rest, others, tried, term, causes),
@@ -78,16 +79,14 @@ def in_its_place(
         others: scores of other causes.
         below: share of the signal from which a cause keeps its shape.
     """
-    weighed = evidence.weigh(signal[:, None])[:, 0]
-    length, found = float(signal @ weighed), []
-    for score in others:
-        share = 0.0
-        if length > 0 and not score.candidate.unexplained:
-            share = _reached_by(score.candidate, evidence, weighed) / length
+    near = []
+    for share, score in _shares(evidence, signal, others):
         if KINDRED < share < below:
             score = replace(score, candidate=in_best_shape(evidence, score.candidate))
-        found.append((share, score))
-    return found
+            near += _shares(evidence, signal, [score])
+        else:
+            near.append((share, score))
+    return near
 
 
 def named(signal: float) -> float:
@@ -99,13 +98,17 @@ def equivalents(
     evidence: LinearizedModel, signal: Array, others: Sequence[Score], misfit: float = 1.0
 ) -> tuple[Candidate, ...]:
     """Candidates that can reproduce the signal (d n,), the best of each cause, nearest first."""
-    weighed = evidence.weigh(signal[:, None])[:, 0]
-    length = float(signal @ weighed)
+    length = float(signal @ evidence.weigh(signal[:, None])[:, 0])
+    return _nearest(length, _shares(evidence, signal, others), misfit)
+
+
+def _nearest(
+    length: float, others: Sequence[tuple[float, Score]], misfit: float
+) -> tuple[Candidate, ...]:
+    """Of others and the shares that they make of a signal, those that can reproduce it."""
     near: dict[str, tuple[float, Candidate]] = {}
-    for candidate in (score.candidate for score in others):
-        if candidate.unexplained:
-            continue
-        share = _reached_by(candidate, evidence, weighed) / length
+    for share, score in others:
+        candidate = score.candidate
         if share < SAME**2 or (1 - share) * length > SEPARATED * misfit:
             continue
         if share > near.get(candidate.cause, (0.0, candidate))[0]:
@@ -113,10 +116,30 @@ def equivalents(
     return tuple(c for _, c in sorted(near.values(), key=lambda pair: -pair[0]))
 
 
-def _reached_by(candidate: Candidate, evidence: LinearizedModel, weighed: Array) -> float:
-    """Squared projection of a signal, given weighed, onto the columns of a candidate."""
-    columns = columns_of(candidate, evidence)
-    return reached(evidence.information(columns), columns.T @ weighed)
+def _shares(
+    evidence: LinearizedModel, signal: Array, others: Sequence[Score]
+) -> list[tuple[float, Score]]:
+    """Scores of others, each with the share of a signal (d n,) that it makes; 0 for maps."""
+    weighed = evidence.weigh(signal[:, None])[:, 0]
+    length = float(signal @ weighed)
+    known: dict[int, tuple[Array, Array]] = {}  # products of all values of an effect
+
+    def products(candidate: Candidate) -> tuple[Array, Array]:
+        columns = columns_of(candidate, evidence)
+        return evidence.information(columns), columns.T @ weighed
+
+    def squared(candidate: Candidate) -> float:
+        if candidate.unexplained or not length > 0:
+            return 0.0
+        if candidate.effect is None:
+            return reached(*products(candidate))
+        one, own = id(candidate.effect), list(candidate.rows)
+        if one not in known:
+            known[one] = products(candidate.with_all_values)
+        information, along = known[one]
+        return reached(information[np.ix_(own, own)], along[own])
+
+    return [(squared(score.candidate) / max(length, 1e-300), score) for score in others]
 
 
 def reached(information: Array, along: Array) -> float:

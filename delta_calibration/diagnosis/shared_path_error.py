@@ -17,6 +17,7 @@ cost time in proportion to the number of readings.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.columns import Columns, Plain
+from delta_calibration.diagnosis.narrow import FEW, seen
 from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
@@ -81,22 +83,42 @@ class SharedPathError:
     def _blocks(self) -> tuple[tuple[slice, Array, Array], ...]:
         """Of each episode its slice of coordinates, B (d n, r), and S (r, r): s(x) = S B^T x."""
         blocks, d = [], self.own.shape[1]
-        for begin, end in _runs(self.episode):
+        levels = _levels(self.path, self.row, self.episode)
+        for begin, end in pairwise(levels[-1].tolist()):
             if self.path[begin] != AT_REST:
-                columns = self._columns(slice(begin, end))
+                columns = self._columns(begin, end, levels)
                 values, axes = np.linalg.eigh(columns.T @ columns)
-                weak = 1 / np.sqrt(1 + np.clip(values, 0.0, None))
+                weak = 1 / np.sqrt(1 + np.maximum(values, 0.0))
                 blocks.append((slice(d * begin, d * end), columns, weak[:, None] * axes.T))
         return tuple(blocks)
 
-    def _columns(self, rows: slice) -> Array:
-        """Columns B of an episode, (d n, r)."""
-        path, own = self.path[rows], self.own[rows]
-        columns = [_apart(_runs(path), own), _apart(_runs(path), self.passing[rows])]
-        for within, level in pairwise([path, self.row[rows], self.episode[rows]]):
-            several = [run for run in _runs(level) if len(_runs(within[slice(*run)])) > 1]
-            columns.append(_apart(several, own))
-        return np.concatenate(columns, axis=-1).reshape(own.shape[0] * own.shape[1], -1)
+    def _columns(self, begin: int, end: int, levels: Sequence[Index]) -> Array:
+        """Columns B of an episode, (d n, r): each error is zero but in its run of samples.
+
+        Args:
+            begin: first sample of the episode.
+            end: behind its last one.
+            levels: where the runs of paths, rows and episodes end, after a leading 0.
+        """
+        paths = _runs(levels[0], begin, end)
+        runs = [(self.own, run) for run in paths] + [(self.passing, run) for run in paths]
+        for parts, wholes in pairwise(levels):
+            each = _runs(wholes, begin, end)
+            runs += [(self.own, run) for run in each if len(_runs(parts, *run)) > 1]
+        _, d, m = self.own.shape
+        columns = np.zeros((end - begin, d, m * len(runs)))
+        for k, (of, (start, stop)) in enumerate(runs):
+            columns[start - begin : stop - begin, :, m * k : m * (k + 1)] = of[start:stop]
+        return columns.reshape(d * (end - begin), -1)
+
+    @cached_property
+    def _together(self) -> tuple[Index, Array, Array]:
+        """All blocks: of each first coordinate, one behind the last, and r; B and S, flattened."""
+        blocks = self._blocks
+        spans = [(at.start, at.stop, own.shape[1]) for at, own, _ in blocks]
+        flat = (np.concatenate([np.zeros(0), *(b[k].ravel() for b in blocks)]) for k in (1, 2))
+        own, root = flat
+        return np.array(spans, dtype=np.int64).reshape(-1, 3), own, root
 
     def seen(self, x: Array) -> Array:
         """Projection s(x) of columns (d n, k) onto the rest errors, (r, k)."""
@@ -104,6 +126,8 @@ class SharedPathError:
 
     def seen_of(self, x: Columns) -> Array:
         """s(x) of columns that may be products, (r, k)."""
+        if isinstance(x, Plain) and x.width <= FEW:
+            return seen(np.ascontiguousarray(x.values), *self._together)
         every = zip(self.samples, self._blocks, strict=True)
         d = self.own.shape[1]
         parts = [root @ x.part(rows, d).along(own).T for rows, (_, own, root) in every]
@@ -161,19 +185,19 @@ class SharedPathError:
             drawn[at] += own @ rng.standard_normal((own.shape[1], drawn.shape[1]))
 
 
-def _runs(number: Index) -> list[tuple[int, int]]:
-    """Begin and end of each run of equal numbers."""
-    ends = [0, *(np.flatnonzero(np.diff(number)) + 1).tolist(), len(number)]
-    return list(pairwise(ends)) if len(number) else []
+def _levels(path: Index, row: Index, episode: Index) -> list[Index]:
+    """Where the runs of paths, rows and episodes end, each after a leading 0."""
+    new, ends = np.zeros(len(path), dtype=bool), []
+    for level in (episode, row, path):  # where an episode ends, its last row and path do as well
+        new[1:] |= np.diff(level) != 0
+        ends.append(np.unique(np.r_[0, np.flatnonzero(new), len(path)]))
+    return ends[::-1]
 
 
-def _apart(runs: list[tuple[int, int]], columns: Array) -> Array:
-    """Separate copies of columns (n, d, m) for each run, zero elsewhere, (n, d, runs m)."""
-    n, d, size = columns.shape
-    result = np.zeros((n, d, size * len(runs)))
-    for k, (begin, end) in enumerate(runs):
-        result[begin:end, :, k * size : (k + 1) * size] = columns[begin:end]
-    return result
+def _runs(ends: Index, begin: int, end: int) -> list[tuple[int, int]]:
+    """Begin and end of each run between two samples at which runs begin and end."""
+    first, last = np.searchsorted(ends, [begin, end])
+    return list(pairwise(ends[first : last + 1].tolist()))
 
 
 def _episodes(path: Index, at: Conditions) -> Index:
