@@ -38,6 +38,7 @@ from delta_calibration.report import (
     write_page,
 )
 from delta_calibration.report.browser import plot_of, ticks_of
+from delta_calibration.report.candidates import evidence_figure, evidence_table
 from delta_calibration.report.document import Report
 from delta_calibration.report.drawing import Axis, Field, Figure, Line, Panel, Points, Rule, Scale
 from delta_calibration.report.judged import Judged
@@ -120,9 +121,33 @@ def test_the_page_says_of_the_tests_what_the_verdict_says() -> None:
     tests = {"set_aside": 1e-9, "map": 1e-12}
     rows = _tests(replace(verdict, unknown_structure=replace(there, tests=tests))).rows
     assert [row[0] for row in rows] == [
-        "poses set aside have similar errors",
-        "a smooth map explains the errors",
+        "similarity of the errors of poses set aside",
+        "decrease of the errors by a smooth map",
     ]
+
+
+def test_the_evidence_for_a_named_dimension_is_that_of_its_finding() -> None:
+    """What the calibrated geometry already contains, its residuals cannot show."""
+    verdict = found().verdict
+    own = {"cause": "arm_length", "location": "joint_3", "signal": 3620.0, "p_value": 1e-17}
+    named = replace(verdict.findings[0], **own)
+    told = replace(found(), verdict=replace(verdict, findings=(named,)))
+    row = next(row for row in evidence_table(told).rows if row[0] == "arm length at joint 3")
+    assert (row[1], row[4], row[6]) == (figures(3620.0, 4), chance(1e-17), sure(named.confidence))
+    (panel,) = evidence_figure(told).panels
+    (bar,) = (mark for mark in panel.marks if mark.name == "named")
+    assert bar.length.tolist() == [3620.0]
+
+
+def test_a_value_that_the_session_does_not_determine_is_not_told_among_the_clearest() -> None:
+    values = {
+        "gap_1": Estimate(2e-4, 1e-5, "rad"),
+        "gap_2": Estimate(1e-5, 2e-5, "rad"),  # small, and known to be
+        "gap_3": Estimate(1.9e-4, 1.6e-3, "rad"),
+        "level": Estimate(0.5, 0.4, "N m"),
+    }
+    finding = replace(found().verdict.findings[0], parameters=values)
+    assert list(finding.clearest(6)) == ["gap_1", "gap_2", "level"]
 
 
 @pytest.fixture(scope="module")

@@ -99,8 +99,8 @@ def command(
     Circles are recognised from the joint commands. For each one the circular deviation G, the
     hysteresis H of both senses and the radial deviation F of ISO 230-4 are given. The session is
     diagnosed as by `diagnose`; the share of a cause is the deviation that disappears when the
-    cause is removed from the extended model, and the shares add up to the deviation. At the end:
-    what to do first, and how round the circles will be afterwards. To record a session: simulate
+    cause is removed from the extended model, the mean over all orders of removing, so that the
+    shares add up to the deviation. At the end: what to do first, and how round the circles will be afterwards. To record a session: simulate
     --plan circles, or the node measurement_plan.
 
     SESSION may also be the table of a telescoping ballbar (.csv): time_s, radius_mm, and either a

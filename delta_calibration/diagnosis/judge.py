@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
@@ -64,6 +65,7 @@ from delta_calibration.effects import Effect
 Array = NDArray[np.float64]
 
 STEPS = ("geometry", "causes", "held-out data", "what is left")
+_NEAR = 0.05  # of the poses: those about one whose errors say how large they are there
 
 
 @dataclass(frozen=True)
@@ -422,7 +424,17 @@ def _where_a_map_is(found: SearchResult, sought: Fitted, doubtful: bool) -> Iter
 
 
 def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -> UnknownStructure:
-    """Unknown structure as described by a map: its size, and where it is largest.
+    """Unknown structure as described by a map: its size, and where it is largest."""
+    place, shift = unabsorbed(model, term)
+    square = np.sum(shift**2, axis=1)
+    _, near = cKDTree(place).query(place, max(1, round(_NEAR * len(place))))
+    where = _around(place[int(np.argmax(square[near].reshape(len(place), -1).mean(axis=1)))])
+    family = term.effect.moves_with if term.effect is not None else None
+    return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(square))), tests)
+
+
+def unabsorbed(model: Fitted, term: Candidate) -> tuple[Array, Array]:
+    """Positions of the poses (n, 3) [m] and what a map adds to the readings there (n, 3) [m].
 
     Only the part of its displacement that refitted geometry and frame do not absorb, because the
     rest does not appear in the errors of a calibrated machine.
@@ -431,12 +443,8 @@ def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -
     moved = moved_by(term, evidence, model.scaled(term)).reshape(evidence.residual.shape)
     alone = replace(evidence, residual=moved)
     rows = np.flatnonzero(evidence.believed[: evidence.poses])
-    shift = alone.missed(alone.best(model.misfit))[rows]
-    size = np.linalg.norm(shift, axis=1)
     place = evidence.chain.mechanism.position(evidence.pose[rows])
-    family = term.effect.moves_with if term.effect is not None else None
-    where = _around(place[int(np.argmax(size))])
-    return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(size**2))), tests)
+    return place, alone.missed(alone.best(model.misfit))[rows]
 
 
 def _around(place: Array) -> str:

@@ -104,13 +104,21 @@ class Finding:
         return f"{spoken(self.cause)}{where}"
 
     def clearest(self, most: int) -> dict[str, Estimate]:
-        """The `most` parameters farthest from zero in standard deviations, in their own order."""
+        """The `most` parameters farthest from zero in standard deviations, in their own order.
+
+        Without those that the session does not determine: their standard deviation is larger than
+        any value of that unit.
+        """
 
         def off(name: str) -> float:
             value = self.parameters[name]
             return abs(value.value) / value.std if value.std else inf
 
-        chosen = sorted(self.parameters, key=off, reverse=True)[:most]
+        largest: dict[str, float] = {}
+        for e in self.parameters.values():
+            largest[e.unit] = max(largest.get(e.unit, 0.0), abs(e.value))
+        known = [n for n, e in self.parameters.items() if not (e.std or 0.0) > largest[e.unit]]
+        chosen = sorted(known, key=off, reverse=True)[:most]
         return {name: e for name, e in self.parameters.items() if name in chosen}
 
     def shape_told(self) -> tuple[str, ...]:

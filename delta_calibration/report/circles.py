@@ -408,7 +408,8 @@ _TERMS = Table(
             (
                 "Deviations of the identified dimensions from their nominal values, as far as "
                 "none is a cause of its own. Parts are never exactly as drawn; a calibration "
-                "removes this share."
+                "corrects them. A share is the mean over all orders in which the causes can be "
+                "removed, so that shares add up; removed first, a cause may take away less."
             ),
         ),
         (

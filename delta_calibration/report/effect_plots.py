@@ -166,14 +166,17 @@ def leftovers(judged: Judged, robot: Robot) -> Figure:
         for against in _recorded(at, robot)
     )
     tests = judged.diagnosis.audit.p
-    told = ", ".join(
-        f"{spoken(name.removeprefix('moran_'))} {chance(p)}" for name, p in tests.items()
+    near = ", ".join(
+        f"{spoken(name.removeprefix('moran_'))} {chance(p)}"
+        for name, p in tests.items()
+        if name.startswith("moran_")
     )
+    model = "extended" if judged.diagnosis.model.terms else "calibrated"
     return Figure(
         "residual_left",
-        "Residuals of the extended model",
+        f"Residuals of the {model} model",
         "Residuals of the fit at the poses; dotted: two standard deviations of the noise. "
-        f"Probability that neighbours are as similar by chance, in: {told}.",
+        f"Probability that neighbours are as similar by chance, in: {near}.",
         panels,
         columns=3,
     )

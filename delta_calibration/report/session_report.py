@@ -201,8 +201,8 @@ def _laws(verdict: Verdict) -> Table:
 
 def _test(name: str) -> str:
     own = {
-        MAP: "a smooth map explains the errors",
-        SET_ASIDE: ("poses set aside have similar errors"),
+        MAP: "decrease of the errors by a smooth map",
+        SET_ASIDE: "similarity of the errors of poses set aside",
     }
     if name in own:
         return own[name]

@@ -58,9 +58,8 @@ def _how_sure(verdict: Verdict) -> str:
     least = chance(min((p for p in tests if p is not None), default=None))
     if verdict.unknown_structure.found and _mapped(verdict):
         parts.append(
-            "that there is an error: a smooth map of it predicts poses it has not seen and "
-            f"leaves nothing but noise (smallest p of {len(tests)} tests: {least}). Its cause is "
-            "not known."
+            "that there is an error: a smooth map of it predicts poses it has not seen "
+            f"(smallest p of {len(tests)} tests: {least}). Its cause is not known."
         )
     elif not parts or verdict.unknown_structure.found:
         parts.append(f"smallest p of {len(tests)} tests of the remaining errors: {least}.")

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.judge import unabsorbed
 from delta_calibration.region import Region
 from delta_calibration.report.drawing import Axis, Field, Figure, Panel, Points, Scale
 from delta_calibration.report.judged import Judged
@@ -83,16 +84,16 @@ def unknown_maps(judged: Judged) -> tuple[Figure, ...]:
 
 
 def _unknown(judged: Judged, term: Candidate) -> Figure:
-    moved = judged.moved_by(term, judged.rows)
-    size = np.linalg.norm(moved - moved.mean(axis=0), axis=1)
-    place, width = judged.place, kernel(judged.place)
+    place, moved = unabsorbed(judged.diagnosis.model, term)
+    size, width = np.linalg.norm(moved, axis=1), kernel(place)
     middle = np.median(place, axis=0)
     scale = Scale("displacement, RMS [mm]", 0.0, _up(MM * float(np.quantile(size, 0.98))))
     return Figure(
         "unknown_structure",
         "Where the error without a known cause occurs",
-        "Displacement of the reflector by the smooth map of this error, minus its mean, around "
-        f"each point (Gaussian kernel, {MM * width:.0f} mm).",
+        "Displacement of the reflector by the smooth map of this error, without the part that "
+        "another geometry and frame would absorb, around each point (Gaussian kernel, "
+        f"{MM * width:.0f} mm).",
         tuple(
             _panel(
                 _titled(axes[2], float(middle[axes[2]])),
