@@ -100,8 +100,8 @@ def command(
     hysteresis H of both senses and the radial deviation F of ISO 230-4 are given. The session is
     diagnosed as by `diagnose`; the share of a cause is the deviation that disappears when the
     cause is removed from the extended model, the mean over all orders of removing, so that the
-    shares add up to the deviation. At the end: what to do first, and how round the circles will be afterwards. To record a session: simulate
-    --plan circles, or the node measurement_plan.
+    shares add up to the deviation. At the end: what to do first, and how round the circles will
+    be afterwards. To record a session: simulate --plan circles, or the node measurement_plan.
 
     SESSION may also be the table of a telescoping ballbar (.csv): time_s, radius_mm, and either a
     column for each joint by its name [rad, m] or x_mm, y_mm, z_mm of the commanded tool point.

@@ -186,7 +186,7 @@ def _circles(test: CircleTest) -> Table:
             )
             for m in test.circles
         ),
-        caption="From the raw readings, including the tracker's noise.",
+        caption="From the raw readings, including their noise.",
     )
 
 
