@@ -68,7 +68,7 @@ def linear_delta(model: Mechanism, q: Array, x: Array, g: Array) -> Array:
 
 def five_axis(model: FiveAxis, q: Array, x: Array, g: Array) -> Array:
     """Closure |o + T_v t_v - s_v - q_v e_z|^2 - L_v^2."""
-    strut = _limbs(g, 4)
+    strut = _limbs(g[..., :24], 4)
     a, b = x[:, 2:3], x[:, 3:4] * np.array([1.0, 1.0, 0.0, 0.0])
     t, s = strut[..., 0:3], strut[..., 3:6]
     along = np.cos(b) * t[..., 0] + np.sin(b) * t[..., 2]
@@ -78,7 +78,7 @@ def five_axis(model: FiveAxis, q: Array, x: Array, g: Array) -> Array:
         x[:, 0:1] + np.cos(a) * t[..., 1] - np.sin(a) * risen - s[..., 1],
         x[:, 1:2] + np.sin(a) * t[..., 1] + np.cos(a) * risen - s[..., 2] - q,
     ]
-    return sum(part**2 for part in away) - model.lengths**2
+    return sum(part**2 for part in away) - g[..., 24:] ** 2
 
 
 def cable_robot(model: CableRobot, q: Array, x: Array, g: Array) -> Array:

@@ -260,6 +260,7 @@ def measured(mechanism, size=0.1, n=40, seed=0):
     drawn = mechanism.forward(joint, nominal)
     jacobian = mechanism.identification_jacobian(joint, drawn, nominal)
     hidden = {r.parameter for r in observe(jacobian, prior, names).redundancies}
+    hidden |= {p.name for p in mechanism.parameters if not p.drawn}
     free = np.array([row for row, name in enumerate(names) if name not in hidden])
     truth = size * prior[free] * draws.standard_normal(len(free))
     actual = nominal.copy()

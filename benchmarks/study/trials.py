@@ -62,7 +62,7 @@ OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "ur10": ((*_ARM, "gravity_sag"), ("joint_zero_offset", "link_length")),
     "five_axis": (
-        (*_GEARED, "transmission_error", "slider_pitch"),
+        (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
         ("joint_zero_offset", "base_joint_position", "platform_joint_position"),
     ),
     "cdpr8": (

@@ -27,7 +27,13 @@ from delta_calibration.description.tree import (
 )
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import FiveAxis, Mechanism
-from delta_calibration.mechanisms.five_axis import PLATFORM, SLIDER, STRUTS, TURNS_ABOUT_Y
+from delta_calibration.mechanisms.five_axis import (
+    PLATFORM,
+    SLIDER,
+    STRUTS,
+    TURNS_ABOUT_Y,
+    by_strut,
+)
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -50,13 +56,13 @@ class FiveAxisLook(Look):
         at_home = model.position(model.forward(read, model.parameters.nominal))[0]
         home, limits = model.drives.own(read), np.stack([robot.joints.lower, robot.joints.upper])
         highest = model.drives.own(limits).max(axis=0)
-        strut = geometry.reshape(STRUTS, -1)
+        strut, lengths = by_strut(geometry)
         links, joints, struts, columns = [], [], [], []
         for i in range(STRUTS):
             slider, foot = f"slider_{i + 1}", strut[i, SLIDER]
             links.append(Link(slider, (Cylinder(-_HALF * Z, _HALF * Z, _THICK, ORANGE),)))
             joints.append(motor(robot, i, BASE, slider, Frame(np.eye(3), foot), Z, PRISMATIC))
-            end, length = strut[i, PLATFORM], float(model.lengths[i])
+            end, length = strut[i, PLATFORM], float(lengths[i])
             way = at_home + end - foot - home[0, i] * Z
             origin = Frame(toward(-way), np.zeros(3))
             carrier = TOOL if TURNS_ABOUT_Y[i] else _FORK

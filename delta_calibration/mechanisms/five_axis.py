@@ -20,12 +20,13 @@ from delta_calibration.sections import as_written, length, place, refused, toler
 Array = NDArray[np.float64]
 
 STRUTS = 4
-_SIZE = 6  # parameters per strut
-PLATFORM, SLIDER = slice(0, 3), slice(3, 6)  # each x, y, z
+_JOINTS = 6  # coordinates of both joints of a strut
+PLATFORM, SLIDER, LENGTH = slice(0, 3), slice(3, 6), 6  # joints: each x, y, z
+_BENCH = 2e-6  # [m] standard deviation of a length measured on the bench
 TURNS_ABOUT_Y = (1.0, 1.0, 0.0, 0.0)  # struts 3, 4 hold the part that only turns about x
 SIDE = (-1.0, 1.0, -1.0, 1.0)  # sign of y
 ABOVE = (1.0, 1.0, -1.0, -1.0)  # 1: slider above its platform joint, -1: below it
-_TURNS, _ABOVE, _LENGTH = range(3)  # constants of a strut
+_TURNS, _ABOVE = range(2)  # constants of a strut
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,10 @@ class FiveAxisTolerances:
     """Standard deviations of a machine's parts about the drawing."""
 
     joint_position: float = tolerance(about="position of each joint centre, each coordinate")
+    strut: float | None = tolerance(
+        default=None,
+        about="length of a strut; left out: as measured on the bench, to 2 um",
+    )
 
 
 class FiveAxis(Mechanism):
@@ -80,14 +85,15 @@ class FiveAxis(Mechanism):
 
     Joints q (n, 4) [m]: heights of the sliders. Pose x (n, 4): the platform centre's y, z [m] and
     the angles A, B [rad]; all four are commanded. The base frame is that of the plane's guides:
-    the platform's centre has x = 0. Parameters of a strut, shape (24,) in all: platform joint t
-    (x, y, z) in the platform and slider joint s (x, y, z) in the base at q = 0 [m]; an error of
-    s_z is an error of the slider's zero.
+    the platform's centre has x = 0. Parameters, shape (28,): of each strut its platform joint t
+    (x, y, z) in the platform and slider joint s (x, y, z) in the base at q = 0 [m], then the four
+    lengths L [m]; an error of s_z is an error of the slider's zero.
 
-    20 of the 24 are identifiable from poses: t_x and s_x of struts 3, 4, which stay in planes
-    across x, have no effect at first order about the drawing. As in the paper, the struts'
-    lengths are measured before assembly and are no parameters. Leaves out errors of the plane's
-    guides, tilt of the columns, and play.
+    The paper's are the first 24: it measures the lengths before assembly. So they are known to
+    2 um here if the file gives no tolerance, but may grow with temperature. 20 of the 24 are
+    identifiable from poses: t_x and s_x of struts 3, 4, which stay in planes across x, have no
+    effect at first order about the drawing. Leaves out errors of the plane's guides, tilt of the
+    columns, and play.
     """
 
     name: ClassVar[str] = "five_axis"
@@ -105,10 +111,8 @@ class FiveAxis(Mechanism):
         self.dimensions = dimensions
         self.tolerances = tolerances
         pairs = (dimensions.turning, dimensions.turning, dimensions.hinged, dimensions.hinged)
-        self.lengths: Array = np.array([pair.strut for pair in pairs])
-        self.parameters = ParameterSet(
-            tuple(p for strut, pair in enumerate(pairs) for p in self._strut(strut, pair))
-        )
+        joints = (p for strut, pair in enumerate(pairs) for p in self._joints(strut, pair))
+        self.parameters = ParameterSet((*joints, *map(self._length, range(STRUTS), pairs)))
 
     @property
     def home(self) -> Array:
@@ -131,9 +135,9 @@ class FiveAxis(Mechanism):
         return tuple(
             Limb(
                 (i,),
-                tuple(range(_SIZE * i, _SIZE * (i + 1))),
+                (*range(_JOINTS * i, _JOINTS * (i + 1)), _JOINTS * STRUTS + i),
                 (i,),
-                (TURNS_ABOUT_Y[i], ABOVE[i], float(self.lengths[i])),
+                (TURNS_ABOUT_Y[i], ABOVE[i]),
             )
             for i in range(STRUTS)
         )
@@ -145,14 +149,14 @@ class FiveAxis(Mechanism):
 
     @staticmethod
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
-        """Squared length of one strut minus its measured length squared [m^2]."""
-        return square(_strut(q, x, g, c)) - c[_LENGTH] ** 2
+        """Squared length of one strut minus that of its parameter [m^2]."""
+        return square(_strut(q, x, g, c)) - g[LENGTH] ** 2
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Slider position above or below its platform joint [m]; closed form."""
         s = _strut(0.0, x, g, c)
-        return s[2] + c[_ABOVE] * sqrt(c[_LENGTH] ** 2 - s[0] ** 2 - s[1] ** 2)
+        return s[2] + c[_ABOVE] * sqrt(g[LENGTH] ** 2 - s[0] ** 2 - s[1] ** 2)
 
     def task(self, position: Array, turn: Array) -> Array:
         """Commanded coordinates y, z, A, B, (n, 4); x is always 0."""
@@ -167,7 +171,13 @@ class FiveAxis(Mechanism):
         """Commanded freedoms: y, z, and turns about x and y."""
         return (1, 2, 3, 4)
 
-    def _strut(self, strut: int, pair: StrutPair) -> list[Parameter]:
+    def _length(self, strut: int, pair: StrutPair) -> Parameter:
+        known, where = self.tolerances.strut, f"joint_{strut + 1}"
+        prior = _BENCH if known is None else known
+        name, drawn = f"strut_{strut + 1}", known is not None
+        return Parameter(name, "m", pair.strut, prior, "arm_length", where, drawn=drawn)
+
+    def _joints(self, strut: int, pair: StrutPair) -> list[Parameter]:
         where, side = f"joint_{strut + 1}", float(SIDE[strut])
         ends = {
             "platform": (pair.platform_x, side * pair.platform_y, pair.platform_z),
@@ -184,6 +194,12 @@ class FiveAxis(Mechanism):
             for end, place in ends.items()
             for axis, value in zip("xyz", place, strict=True)
         ]
+
+
+def by_strut(g: Array) -> tuple[Array, Array]:
+    """Joints of each strut (4, 6) and its length (4,), of parameters (28,) [m]."""
+    joints = _JOINTS * STRUTS
+    return g[:joints].reshape(STRUTS, _JOINTS), g[joints:]
 
 
 def _strut(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:

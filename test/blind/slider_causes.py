@@ -29,7 +29,7 @@ def slider_pitch(rng: np.random.Generator, strength: float, legs: Array) -> Caus
 
 
 def thermal_growth_arm(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
-    """Rods of a linear Delta lengthen as they warm."""
+    """Rods or struts lengthen as they warm."""
     expansion = strength * _EXPANSION
 
     def act(world: World, state: State) -> None:
@@ -57,11 +57,11 @@ def slider_causes(kind: Sliders) -> tuple[dict[str, Draw], dict[str, Draw]]:
         "slider_pitch": slider_pitch,
         **drives_of(Drive(kind.size, kind.gears), *geared),
         "joint_zero_offset": wrong("joint_zero_offset", "foot", (2,)),
+        "thermal_growth_arm": thermal_growth_arm,
     }
     if kind is LINEAR_DELTA:
         arms = {i + 1: [("strut", (i,))] for i in each}
         causes["arm_length"] = dimension("arm_length", "joint", typical, arms)
-        causes["thermal_growth_arm"] = thermal_growth_arm
     else:
         causes["base_joint_position"] = wrong("base_joint_position", "foot", (1,))
         causes["platform_joint_position"] = wrong("platform_joint_position", "joint", (1, 2))

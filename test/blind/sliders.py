@@ -178,7 +178,9 @@ class FiveAxis(Sliders):
         self.tip, self.middle = 1e-3 * geometry["tool_mm"], np.array([0.0, height, 0.0, 0.0])
         off = 1e-3 * tolerances["joint_position_mm"]
         self.expected = {"foot": off, "joint": off, "strut": 0.0, "zero": 0.0}
-        self.rise, self.constant, self.sensors = {"base": (3.5, 6.0)}, {"base": (3e3, 4.5e3)}, ()
+        self.rise = {"base": (3.5, 6.0), "arm": (5.0, 8.0)}
+        self.constant = {"base": (3e3, 4.5e3), "arm": (2000.0, 3000.0)}
+        self.sensors = ()
         self.home = self._over(self.middle[None])[0]
         self.sweep = 0.05 * np.eye(4)
 
@@ -210,9 +212,10 @@ class FiveAxis(Sliders):
         near: SliderStand | None = None,
     ) -> SliderStand:
         sliders = self._sliders(q, build)
+        strut = build.strut + (0.0 if changed is None else changed.of("strut"))
 
         def gaps(x: Array) -> Array:
-            return np.linalg.norm(self._ends(x, build) - sliders, axis=2) - build.strut
+            return np.linalg.norm(self._ends(x, build) - sliders, axis=2) - strut
 
         start = np.tile(self.middle, (len(q), 1)) if near is None else near.unknown
         x = closed(gaps, start)

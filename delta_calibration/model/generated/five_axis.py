@@ -4,41 +4,44 @@ from math import cos, sin
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('q', 1), ('x', 4), ('g', 6), ('c', 3)), 1, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
-SIZE = 29
-SHARED = (27, 29)
+LAYOUT = ((('q', 1), ('x', 4), ('g', 7), ('c', 2)), 1, ('g', 'c'), ('x',), ('x', 'q'), ('g',))
+SIZE = 31
+SHARED = (29, 31)
 
 
 def setup(w):
-    i13 = w[13]
-    t46 = i13 * i13
-    w[26] = t46
+    i11 = w[11]
+    t46 = i11 * i11
+    w[27] = t46
+    t116 = 2.0 * i11
+    t117 = -(t116)
+    w[28] = t117
 
 
 def shared(w):
     i3 = w[3]
     t14 = sin(i3)
-    w[27] = t14
+    w[29] = t14
     t17 = cos(i3)
-    w[28] = t17
+    w[30] = t17
 
 
 def near(w):
-    i11 = w[11]
+    i12 = w[12]
     i4 = w[4]
     i5 = w[5]
     i7 = w[7]
     i8 = w[8]
-    t14 = w[27]
-    t17 = w[28]
+    t14 = w[29]
+    t17 = w[30]
     i6 = w[6]
     i1 = w[1]
     i9 = w[9]
     i2 = w[2]
     i0 = w[0]
     i10 = w[10]
-    t46 = w[26]
-    t2 = i11 * i4
+    t46 = w[27]
+    t2 = i12 * i4
     t3 = cos(t2)
     t5 = t3 * i5
     t6 = sin(t2)
@@ -90,9 +93,9 @@ def near(w):
     t68 = t51 * t67
     t69 = t60 + t68
     t71 = 2.0 * t11
-    t72 = t3 * i11
+    t72 = t3 * i12
     t73 = i7 * t72
-    t74 = t6 * i11
+    t74 = t6 * i12
     t75 = i5 * t74
     t76 = t73 - t75
     t77 = t71 * t76
@@ -120,21 +123,22 @@ def near(w):
 
 
 def full(w):
-    i11 = w[11]
+    i12 = w[12]
     i4 = w[4]
     i5 = w[5]
     i7 = w[7]
     i8 = w[8]
-    t14 = w[27]
-    t17 = w[28]
+    t14 = w[29]
+    t17 = w[30]
     i6 = w[6]
     i1 = w[1]
     i9 = w[9]
     i2 = w[2]
     i0 = w[0]
     i10 = w[10]
-    t46 = w[26]
-    t2 = i11 * i4
+    t46 = w[27]
+    t117 = w[28]
+    t2 = i12 * i4
     t3 = cos(t2)
     t5 = t3 * i5
     t6 = sin(t2)
@@ -186,9 +190,9 @@ def full(w):
     t68 = t51 * t67
     t69 = t60 + t68
     t71 = 2.0 * t11
-    t72 = t3 * i11
+    t72 = t3 * i12
     t73 = i7 * t72
-    t74 = t6 * i11
+    t74 = t6 * i12
     t75 = i5 * t74
     t76 = t73 - t75
     t77 = t71 * t76
@@ -234,11 +238,12 @@ def full(w):
     w[23] = t111
     w[24] = t113
     w[25] = t93
+    w[26] = t117
 
 
 ADDRESSES = {
-    "setup": law(setup, "605ecba730f15708"),
-    "shared": law(shared, "605ecba730f15708"),
-    "near": law(near, "605ecba730f15708"),
-    "full": law(full, "605ecba730f15708"),
+    "setup": law(setup, "363734c1ee776bb0"),
+    "shared": law(shared, "363734c1ee776bb0"),
+    "near": law(near, "363734c1ee776bb0"),
+    "full": law(full, "363734c1ee776bb0"),
 }

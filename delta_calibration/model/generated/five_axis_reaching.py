@@ -4,21 +4,21 @@ from math import cos, sin, sqrt
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('x', 4), ('g', 6), ('c', 3)), 1, ('g', 'c'), (), (), ())
+LAYOUT = ((('x', 4), ('g', 7), ('c', 2)), 1, ('g', 'c'), (), (), ())
 SIZE = 15
 SHARED = (15, 15)
 
 
 def setup(w):
-    i12 = w[12]
-    t24 = i12 * i12
+    i10 = w[10]
+    t24 = i10 * i10
     w[14] = t24
 
 
 def full(w):
     i2 = w[2]
     i5 = w[5]
-    i10 = w[10]
+    i11 = w[11]
     i3 = w[3]
     i4 = w[4]
     i6 = w[6]
@@ -28,11 +28,11 @@ def full(w):
     t24 = w[14]
     i0 = w[0]
     i8 = w[8]
-    i11 = w[11]
+    i12 = w[12]
     t1 = sin(i2)
     t3 = t1 * i5
     t4 = cos(i2)
-    t7 = i10 * i3
+    t7 = i11 * i3
     t8 = sin(t7)
     t9 = t4 * t8
     t11 = t9 * i4
@@ -61,15 +61,15 @@ def full(w):
     t43 = t42 * t42
     t44 = t31 - t43
     t45 = sqrt(t44)
-    t46 = i11 * t45
+    t46 = i12 * t45
     t47 = t21 + t46
     w[13] = t47
 
 
 ADDRESSES = {
-    "setup": law(setup, "9318f9d8ce5a9e0d"),
+    "setup": law(setup, "edd81d78431bb4c5"),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "9318f9d8ce5a9e0d"),
+    "full": law(full, "edd81d78431bb4c5"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
