@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from delta_calibration.diagnosis.columns import Columns, Plain, joined
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.effects import Effect
+from delta_calibration.effects.signals import KINDS, PLACE, kinds_of
 from delta_calibration.effects.unexplained import (
     SIZES,
     UNEXPLAINED,
@@ -59,6 +60,13 @@ class Candidate:
         """Number of sizes and widths of which the likeliest is taken for a map; otherwise 1."""
         family = self.effect.moves_with if self.unexplained and self.effect is not None else None
         return 1 if family is None else len(SIZES) * len(reaches(family))
+
+    @property
+    def depends_on(self) -> frozenset[str]:
+        """Kinds of quantity that it varies with; a map may vary with any."""
+        if self.effect is None:
+            return frozenset({PLACE})
+        return KINDS if self.unexplained else kinds_of(self.effect.takes)
 
     @property
     def with_all_values(self) -> Candidate:

@@ -57,7 +57,10 @@ REMAINS = 0.25  # least share of the unexplained remainder that a cause must exp
 SOME = 0.02
 # the same for a map that may be due to chance, on machines that others measured as well
 MUCH = 0.1
+NEIGHBOURS = 0.05  # share of the poses whose errors together say where a map is largest
 IMPERFECT = 2e-3  # share of what a model explains that may be its own error
+# share of what is left above noise that no such error is: made by a cause of another kind
+NEARLY_ALL = 0.9
 LIKELIER = 0.5  # probability of a law from which causes that it also explains are not named
 TEMPER = 3.0  # ln p of laws is divided by this: calibrates their stated probability
 LAW_SURE = 0.6  # probability from which a law is reported

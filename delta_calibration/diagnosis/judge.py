@@ -21,6 +21,7 @@ from delta_calibration.diagnosis.constants import (
     MOST,
     MUCH,
     NAMELESS,
+    NEIGHBOURS,
     PART_OF_A_MAP,
     PLAIN,
     SOME,
@@ -65,7 +66,6 @@ from delta_calibration.effects import Effect
 Array = NDArray[np.float64]
 
 STEPS = ("geometry", "causes", "held-out data", "what is left")
-_NEAR = 0.05  # of the poses: those about one whose errors say how large they are there
 
 
 @dataclass(frozen=True)
@@ -427,7 +427,7 @@ def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -
     """Unknown structure as described by a map: its size, and where it is largest."""
     place, shift = unabsorbed(model, term)
     square = np.sum(shift**2, axis=1)
-    _, near = cKDTree(place).query(place, max(1, round(_NEAR * len(place))))
+    _, near = cKDTree(place).query(place, max(1, round(NEIGHBOURS * len(place))))
     where = _around(place[int(np.argmax(square[near].reshape(len(place), -1).mean(axis=1)))])
     family = term.effect.moves_with if term.effect is not None else None
     return UnknownStructure(True, where, family, MM * float(np.sqrt(np.mean(square))), tests)

@@ -7,7 +7,7 @@ every pair of these is tried as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 
@@ -20,10 +20,12 @@ from delta_calibration.diagnosis.constants import (
     IMPERFECT,
     MOST,
     NAMED,
+    NEARLY_ALL,
     SHORT_LIST,
 )
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.joint_fit import JointFit, as_score, shadow
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scan import Scan
 from delta_calibration.diagnosis.scores import Chance, Score
 
@@ -58,20 +60,50 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
     good = [
         score
         for score in here.scores
-        if worth_of(score) > 0 and score.gain > _least(explained) and here.significant(score)
+        if worth_of(score) > 0
+        and score.gain > _least(explained, model, score.candidate, model.terms)
+        and here.significant(score)
     ]
     return max(good, key=worth_of, default=None)
 
 
-def _least(explained: float) -> float:
-    """Least lambda of one more explanation if the others explain `explained` of chi square."""
-    return max(ANOTHER, IMPERFECT * explained) if explained > NAMED else 0.0
+def _least(explained: float, model: Fitted, one: Candidate, others: Sequence[Candidate]) -> float:
+    """Least lambda of one more explanation beside others.
+
+    No model is perfect: what the others leave may be their own error, and then varies with what
+    they vary with. A cause that varies with something else, and makes nearly all that they leave
+    above the noise, is no such error.
+
+    Args:
+        explained: decrease of chi square by the others.
+        model: any fit of the session.
+        one: the explanation.
+        others: the explanations beside it.
+    """
+    if not explained > NAMED:
+        return 0.0
+    least = IMPERFECT * explained
+    if least > ANOTHER and not (one.depends_on & _kinds(others)):
+        least = min(least, NEARLY_ALL * (excess_of(model) - explained))
+    return max(ANOTHER, least)
+
+
+def _kinds(others: Sequence[Candidate]) -> frozenset[str]:
+    return frozenset().union(*(other.depends_on for other in others))
+
+
+def excess_of(model: Fitted) -> float:
+    """Chi square of the calibrated machine above its degrees of freedom."""
+    return _chi_square(model.evidence) - model.beside.degrees
 
 
 def decrease_of(model: Fitted) -> float:
     """Decrease of chi square by all terms together."""
-    without = float(np.sum(model.evidence.column * model.evidence.weigh(model.evidence.column)))
-    return without - float(np.sum(model.beside.column * model.beside.weigh(model.beside.column)))
+    return _chi_square(model.evidence) - _chi_square(model.beside)
+
+
+def _chi_square(evidence: LinearizedModel) -> float:
+    return float(np.sum(evidence.column * evidence.weigh(evidence.column)))
 
 
 def worth_of(score: Score) -> float:
@@ -92,7 +124,7 @@ def improved(
     where = {key: i for i, key in enumerate(pool)}  # a newcomer replaces a term of the same key
     begin = (*model.terms, *(s.candidate for s in newcomers))
     start = tuple(sorted({where[c.key] for c in begin}))
-    worth = Worth(together, here, model.noise_degrees)
+    worth = Worth(together, here, model)
     chosen = start
     if newcomers:  # something is left: a single term may stand in for two other causes
         pair = worth.best(combinations(range(len(scores)), 2), default=start)
@@ -123,7 +155,7 @@ class Worth:
 
     together: JointFit
     here: Scan
-    degrees: float
+    model: Fitted
     known: dict[tuple[int, ...], float] = field(default_factory=dict)
     fits: dict[tuple[int, ...], tuple[float, float]] = field(default_factory=dict)
     chances: dict[int, Chance] = field(default_factory=dict)
@@ -162,9 +194,11 @@ class Worth:
         for i in chosen:
             rest = tuple(j for j in chosen if j != i)
             alone = gain - self._fit(rest)[0]
-            log_p = self._chance(i).log_p(alone, self.degrees)
+            log_p = self._chance(i).log_p(alone, self.model.noise_degrees)
             log_p += float(np.log(self.together.tries[i]))
-            if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < _least(gain - alone):
+            others = [candidates[j] for j in rest]
+            least = _least(gain - alone, self.model, candidates[i], others)
+            if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < least:
                 return -np.inf
             log_b -= shadow(candidates[i], alone)
         return log_b

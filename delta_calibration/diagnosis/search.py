@@ -217,7 +217,7 @@ def _pairs(
     model: Fitted, here: Scan, scores: Sequence[Score], enough: float
 ) -> list[tuple[Candidate, ...]]:
     """The best pairs of some explanations that hold together and are worth more than `enough`."""
-    worth = Worth(JointFit.of(model.evidence, scores), here, model.noise_degrees)
+    worth = Worth(JointFit.of(model.evidence, scores), here, model)
     pairs = sorted(combinations(range(len(scores)), 2), key=worth, reverse=True)
     good = [pair for pair in pairs[:LOOKED_AT] if worth(pair) > enough]
     return [tuple(scores[i].candidate for i in pair) for pair in good]
@@ -270,7 +270,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     others = _in_their_place(model, short)
     together, count = JointFit.of(model.evidence, [*own, *others.values()]), len(terms)
     whole, sets = together.fit(range(count))[1], [] if count == 1 else [terms]
-    worth = Worth(together, here, model.noise_degrees)
+    worth = Worth(together, here, model)
     if len(named) < count:
         sets.append(named)
     sets += model.in_other_shapes

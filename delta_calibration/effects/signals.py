@@ -8,6 +8,7 @@ takes; each has a fixed place in one row of numbers, the same for all effects on
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import accumulate, pairwise
@@ -51,8 +52,23 @@ _ASKED = {
     TIGHTNESS: OF_TIGHTNESS,
 }
 _STANDING = (*_ASKED, POSE, GEOMETRY)  # signals that require the machine's pose
+PLACE, MOTION, SIDE, COURSE, MASS = "place", "motion", "side", "course", "mass"
+_KINDS = {
+    **dict.fromkeys((JOINT, POSE, GEOMETRY, READING, GRAVITY, PULL, PULL_HOME, TIGHTNESS), PLACE),
+    **dict.fromkeys((LOAD, REACTION, CARRIED), PLACE),
+    **dict.fromkeys((RATE, ACCELERATION, INERTIA, READING_RATE), MOTION),
+    **dict.fromkeys((DIRECTION, TRAVEL), SIDE),
+    **dict.fromkeys((TIME, TEMPERATURE), COURSE),
+    **dict.fromkeys((PAYLOAD, CENTRE), MASS),
+}
+KINDS = frozenset(_KINDS.values())  # place, motion, side of approach, course of time, mass
 OF_PULLING = (PULL, PULL_HOME, TIGHTNESS)  # signals of limbs that can only pull
 OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, *OF_PULLING)
+
+
+def kinds_of(names: Iterable[str]) -> frozenset[str]:
+    """The kinds of quantity that signals belong to, of `KINDS`; loads go by place."""
+    return frozenset(_KINDS[name] for name in names if name in _KINDS)
 
 
 @dataclass(frozen=True)
