@@ -139,6 +139,16 @@ def test_the_evidence_for_a_named_dimension_is_that_of_its_finding() -> None:
     assert bar.length.tolist() == [3620.0]
 
 
+def test_repeats_that_scatter_more_than_the_file_states_are_told() -> None:
+    """What changes from visit to visit counts as noise, so that nothing else would show it."""
+    plain = found()
+    assert not any("scatter" in text for text in plain.doubts)
+    cell, filed = plain.model.cell, ROBOT.joints.repeatability
+    loud = replace(cell.noise, measured=True, repeatability=4.2 * filed)
+    told = replace(plain, model=replace(plain.model, cell=replace(cell, noise=loud)))
+    assert any("scatter 4 times as much as the robot file" in text for text in told.doubts)
+
+
 def test_a_value_that_the_session_does_not_determine_is_not_told_among_the_clearest() -> None:
     values = {
         "gap_1": Estimate(2e-4, 1e-5, "rad"),
@@ -529,7 +539,7 @@ def test_a_mistake_in_the_session_is_told_first(
     write_session(tmp_path / "moved", moved, {})
     page = tmp_path / "page.html"
     assert run(["report", str(tmp_path / "moved"), "--robot", "srbd", "--out", str(page)]) == 0
-    assert "warning: tracker_moved in tracker (10.0" in capsys.readouterr().out
+    assert "warning: tracker moved in tracker (10.0" in capsys.readouterr().out
     text = page.read_text(encoding="utf-8")
     first = text.index("Mistake in the session")
-    assert text.index("tracker_moved in tracker (10.0", first) < text.index("What is wrong", first)
+    assert text.index("tracker moved in tracker (10.0", first) < text.index("What is wrong", first)

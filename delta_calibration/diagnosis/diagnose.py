@@ -53,6 +53,12 @@ FEWEST = 12  # different places that a session must have
 _REFUSED = (
     "{} is not in the extended calibration, because held-out poses are predicted worse with it"
 )
+_SCATTERED = (
+    "visits of one place scatter {:.0f} times as much as the robot file states ({} of the {}): "
+    "what changes from visit to visit counts as noise here, and smaller errors do not show; "
+    "compare such visits over time, load and side of approach, or correct the file"
+)
+_SCATTERS = 2.5  # ratio of estimated to filed noise from which this is said
 _NEVER_TURNED = "the probe's rotation never changes, so it is filled in: only positions are used"
 
 
@@ -84,9 +90,26 @@ class Diagnosis:
                     *doubts(self.identification),
                     _REFUSED.format(refused) if refused else "",
                     unturned * _NEVER_TURNED,
+                    _scattered(self.model.cell),
                 ),
             )
         )
+
+
+def _scattered(cell: Cell) -> str:
+    """How much the noise of repeats exceeds that of the robot file, in words; empty if little.
+
+    The scatter of tracker or joints may be wrong in the file. Or errors that neither time nor load
+    nor side of approach tell apart are taken for noise.
+    """
+    noise, robot = cell.noise, cell.robot
+    if not noise.measured:
+        return ""
+    joints = noise.repeatability / robot.joints.repeatability
+    tracker = max(noise.radial_scale, noise.transverse_scale)
+    ratio, part = max((joints, "joints"), (tracker, "tracker"))
+    entry = "repeatability" if part == "joints" else "noise"
+    return _SCATTERED.format(ratio, entry, part) if ratio > _SCATTERS else ""
 
 
 def diagnose(
