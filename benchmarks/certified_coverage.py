@@ -11,8 +11,8 @@ should cover 95 % of the errors.
 By default the session follows the plan `identify` and is fitted by geometry alone; payload and
 temperature are those of the session. With `--diagnosed` the session follows the plan `rich` and is
 diagnosed. The extended calibration is then tested at other payloads and temperatures as well,
-within the measured range. With `--later` the machine is calibrated without the cause; the radius is
-that of the calibration held against a later session, with another tracker frame and the cause.
+within the measured range. With `--later` the machine is calibrated without the cause; the radius
+is that of the calibration held against a later session, with another tracker frame and the cause.
 """
 
 from __future__ import annotations

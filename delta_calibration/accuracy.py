@@ -29,6 +29,8 @@ Array = NDArray[np.float64]
 
 _SAME = 0.5e-3  # [m] a command within this of a pose or path of the cube belongs to it
 _FINE = 801  # points of a path, so that the circle is round to 1 um
+_MOVED = 10e-3  # [m] off as a whole: from here on it is the tracker's frame, not the machine
+_TIMES = 5.0  # off by this many times what the best frame leaves: off as a whole
 _PAUSE = 0.5  # [s] a longer gap between readings ends a run along a path
 
 
@@ -76,7 +78,7 @@ def evaluate(
 
     Raises:
         DataError: a pose of the cube was not reached, or fewer times than the conditions require;
-            or commands out of the robot's reach.
+            commands out of the robot's reach; or a calibration with another tracker frame.
         InputError: a workspace without volume, or input that a criterion refuses.
     """
     meant, named = partial(tool_points, robot), (robot.name, cube_of(robot))
@@ -93,9 +95,17 @@ def evaluate(
         moving = _Attained(*named, meant(readings.command), seen)
         said = f"calibration of session {calibration.source!r}"
     cycles = _cycles(attained, conditions)
+    other_frame = "" if calibration is None else _other_frame(attained, calibration, _MOVED)
+    if other_frame:
+        raise DataError(f"{poses.source}: {other_frame}")
     p = attained.cube.poses()
     values = [*_positions(cycles, p, conditions), *_distances(cycles, p, conditions)]
-    paths, left_out = _paths(moving, readings.time, conditions)
+    try:
+        paths, left_out = _paths(moving, readings.time, conditions)
+    except DataError as error:
+        if calibration is not None and (why := _other_frame(attained, calibration, 0.0)):
+            raise DataError(f"{poses.source}: {why}") from error
+        raise
     return IsoReport(conditions, said, tuple(values + paths), tuple(left_out))
 
 
@@ -109,6 +119,31 @@ def _require_this_robot(stops: Array, poses: Poses, robot: Robot) -> None:
             f"robot {robot.name!r}: is it the session of another robot, or do the joints have "
             "another zero?"
         )
+
+
+def _other_frame(attained: _Attained, calibration: Calibration, allowed: float) -> str:
+    """Sentence if the stops are off as a whole, but fit in another frame; else empty.
+
+    Args:
+        attained: the stops, by the tracker frame of the calibration.
+        calibration: gives its name.
+        allowed: RMS distance that is put down to the machine, [m].
+    """
+    meant, reached = attained.meant, attained.reached
+    off = _rms(reached - meant)
+    left = _rms(align(meant, reached).apply(meant) - reached)
+    if off <= max(allowed, _TIMES * left):
+        return ""
+    return (
+        f"the tracker frame of calibration {calibration.source!r} does not fit this session: it "
+        f"is off by {1e3 * off:.0f} mm (RMS of the stops), so the tracker was probably moved; "
+        "leave out --calibration or use one of this set-up"
+    )
+
+
+def _rms(error: Array) -> float:
+    """Root mean square length of errors (n, 3) [m]."""
+    return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
 
 def _cycles(attained: _Attained, conditions: Conditions) -> list[Array]:

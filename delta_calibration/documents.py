@@ -196,7 +196,8 @@ def _plain(value: Any) -> Any:
 
 def _require_mapping(data: Any, source: str) -> None:
     if not isinstance(data, Mapping):
-        found = "nothing" if data is None else type(data).__name__
+        kind = {str: "text", bool: "true or false", list: "a list", type(None): "nothing"}
+        found = kind.get(type(data), "a number" if isinstance(data, int | float) else "a value")
         raise ContentError(f"{source}: a mapping of keys to values is expected, found {found}")
 
 

@@ -42,7 +42,7 @@ from delta_calibration.report.missing import required
 from delta_calibration.report.residual_plot import plot_errors
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.tables import Row, require_columns
-from delta_calibration.wording import measured, mm, spoken, sure
+from delta_calibration.wording import listed, measured, mm, spoken, sure
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -322,10 +322,10 @@ class Diagnosed:
 def _require_sound(session: Session, *, force: bool) -> None:
     """Refuse to write a calibration of a session that was recorded with a mistake."""
     if session.mistakes and not force:
-        named = ", ".join(dict.fromkeys(mistake.mistake for mistake in session.mistakes))
+        named = listed(dict.fromkeys(spoken(mistake.mistake) for mistake in session.mistakes))
         raise MistakeError(
-            f"{session.recorded.source}: no calibration is written from a session with {named}: "
-            "`delta-cal check` explains it; force=True writes the calibration anyway"
+            f"{session.recorded.source}: no calibration is written from a session with a mistake "
+            f"({named}): `delta-cal check` explains it; force=True writes the calibration anyway"
         )
 
 

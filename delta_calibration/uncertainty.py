@@ -34,6 +34,7 @@ up to J C J^T.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -43,6 +44,7 @@ from scipy.special import chdtri, fdtri, gammainc  # scipy.stats takes long to i
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Conditions
+from delta_calibration.effects import Effect
 from delta_calibration.lazy import cached_property
 
 Array = NDArray[np.float64]
@@ -129,12 +131,17 @@ class Identified:
         The uncertainty of such an effect does not matter for a position; that it was identified
         together with the dimensions is already in the covariance of the dimensions.
         """
+        return self._with(lambda effect: not effect.on_readings and not effect.bound_to_session)
+
+    @property
+    def later(self) -> Identified:
+        """The same without effects bound to one session's clock, as another session meets it."""
+        return self._with(lambda effect: not effect.bound_to_session)
+
+    def _with(self, kept_of: Callable[[Effect], bool]) -> Identified:
+        """The same with those of its effects that a function accepts."""
         chain, layout = self.chain, self.chain.layout
-        kept = [
-            k
-            for k, effect in enumerate(chain.effects)
-            if not effect.on_readings and not effect.bound_to_session
-        ]
+        kept = [k for k, effect in enumerate(chain.effects) if kept_of(effect)]
         rows = np.concatenate(
             [np.arange(layout.size)[layout.base]]
             + [np.arange(layout.size)[layout.each[k]] for k in kept]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from datetime import date, datetime, timezone
 from math import floor, log10
 
@@ -22,6 +22,15 @@ _COMMON = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 _SMALL = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
 _SMALL_FROM = 1e-3  # [m, rad] values below it are shown in the small units
 _COARSE = 1e-5  # a smaller standard error is shown with a power of ten
+_ASIDE = {  # reasons for which readings are set aside
+    "repeated": "with a stamp seen before",
+    "frozen": "that only repeat a frozen value",
+    "unmatched": "without joint angles near in time",
+    "outlier": "far from the others of the same stop",
+    "settling": "before the platform came to rest",
+    "on_the_way": "on the way of a motion",
+    "unlike_the_model": "unlike what any fit explains",
+}
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LOWERED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _POWER = re.compile(" × 10([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+)")
@@ -68,6 +77,7 @@ def measured(value: float, std: float | None, unit: str, size: float | None = No
         spread = f" ± {figures(std, 2)}" if std > 0 else ""
         return f"{figures(value, 4)}{spread}{behind}"
     places = max(0, 1 - floor(log10(std)))
+    value = round(value, places) + 0.0  # no minus sign before a zero
     return f"{value:.{places}f} ± {std:.{places}f}{behind}".replace("-", MINUS)
 
 
@@ -122,6 +132,15 @@ def listed(items: Iterable[str]) -> str:
     if len(every) < 2:
         return "".join(every)
     return f"{', '.join(every[:-1])} and {every[-1]}"
+
+
+def set_aside(counts: Mapping[str, int]) -> str:
+    """Numbers of readings that took no part, each with the reason in words; empty if none.
+
+    Args:
+        counts: number of readings by the fixed name of the reason.
+    """
+    return listed(f"{n} {_ASIDE.get(reason, spoken(reason))}" for reason, n in counts.items() if n)
 
 
 def capital(text: str) -> str:

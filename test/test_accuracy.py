@@ -9,14 +9,18 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from delta_calibration import accuracy
 from delta_calibration.accuracy import evaluate
 from delta_calibration.calibration import Calibration
+from delta_calibration.cli import report as command
+from delta_calibration.cli.main import run
 from delta_calibration.data import JointStream, Session, TrackerStream, at_rest, collect, match
 from delta_calibration.errors import DataError
 from delta_calibration.estimation import chain_of
 from delta_calibration.geometry import Frame
 from delta_calibration.iso9283 import DELTA_PAPER, STANDARD, Conditions
 from delta_calibration.plans import CUBE, legs, make_plan
+from delta_calibration.recording import write_session
 from delta_calibration.region import Region
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -87,6 +91,51 @@ def report(session, conditions, calibration):
     poses, readings = collect(session, names), match(session, names)
     found = evaluate(poses, readings, ROBOT, conditions, calibration)
     return found, {(v.symbol, v.where): v.value for v in found.values}
+
+
+@pytest.mark.parametrize("moved", [1.2, 0.008])
+def test_a_tracker_that_was_moved_is_named(thirty, moved):
+    """Its frame is told to be off, even if it would only shift the ends of a path."""
+    calibration = drawing_as_calibration()
+    theta, place = calibration.theta.copy(), calibration.chain.layout.place
+    theta[place] += moved * CUBE.line()[-1] / np.linalg.norm(CUBE.line()[-1])
+    with pytest.raises(DataError) as refused:
+        report(thirty, STANDARD, replace(calibration, theta=theta))
+    said = str(refused.value)
+    assert f"does not fit this session: it is off by {1e3 * moved:.0f} mm" in said
+    assert "the tracker was probably moved; leave out --calibration" in said
+    assert "attempts" not in said
+    assert "\n" not in said
+
+
+def test_cycles_of_another_robot_are_refused_before_the_diagnosis(
+    thirty, tmp_path, monkeypatch, capsys
+):
+    """A session of the UR10 with the cycles of a Delta."""
+
+    def refuse(*_):
+        raise AssertionError
+
+    robot = load_robot("ur10")
+    plan = make_plan("identify", robot, count=8, seed=1)
+    write_session(tmp_path / "arm", simulate_session(draw_machine(robot, 1), plan, 1))
+    write_session(tmp_path / "cycles", thirty)
+    monkeypatch.setattr(command, "diagnosed", refuse)
+    given = ["--robot", "ur10", "--iso9283", str(tmp_path / "cycles")]
+    out = ["--out", str(tmp_path / "page.html")]
+    assert run(["report", str(tmp_path / "arm"), *given, *out]) != 0
+    said = capsys.readouterr().err
+    assert "cycles" in said
+    assert said.count("\n") == 1
+
+
+def test_a_part_of_a_path_that_is_missing_is_not_put_down_to_the_tracker(thirty, monkeypatch):
+    def refuse(*_):
+        raise DataError("does not go from end to end")
+
+    monkeypatch.setattr(accuracy, "_paths", refuse)
+    with pytest.raises(DataError, match=r"^does not go from end to end$"):
+        report(thirty, STANDARD, drawing_as_calibration())
 
 
 @pytest.fixture(scope="module")

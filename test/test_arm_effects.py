@@ -94,7 +94,7 @@ def test_reducers_suit_arms_of_known_mass_only():
     assert {name for name, causes in have.items() if "reducer_compliance" in causes} == {"scara"}
     assert {n for n, c in have.items() if "thermal_growth_link" in c} == {"scara", "ur10"}
     delta = load_robot("linear_delta")
-    with pytest.raises(InputError, match="a linear_delta has no such part"):
+    with pytest.raises(InputError, match="robot linear_delta has no such part"):
         effect_named("reducer_compliance", delta, delta.model(), {})
 
 

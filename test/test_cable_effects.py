@@ -69,7 +69,7 @@ def test_what_every_effect_on_cables_keeps_to(kind):
     assert {p.location for p in effect.parameters} <= {None, *(f"cable_{i}" for i in range(1, 9))}
     delta = load_robot("srbd")
     assert kind.cause not in {e.cause for e in catalogue(delta, delta.model())}
-    with pytest.raises(InputError, match=f"effect {kind.cause}: a six_rod_delta has no such part"):
+    with pytest.raises(InputError, match=f"effect {kind.cause}: robot srbd has no such part"):
         effect_named(kind.cause, delta, delta.model(), {})
 
 

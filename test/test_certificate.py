@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import date
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from delta_calibration.documents import (
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan
-from delta_calibration.recording import write_session
+from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.report import pdf, read_about
 from delta_calibration.report.certificate_figures import planes_of
 from delta_calibration.report.decision import Decision, decided, of_all
@@ -164,8 +165,52 @@ def test_what_is_not_stated_is_said_so(cell: Path) -> None:
     assert "no tolerance was given" in said
     assert "serial X-9" in said
     assert re.search(r"measured in simulated time; issued 20\d\d-", said)
-    assert "Not in the budget, because it was not stated: tracker along the beam" in said
+    gaps = (
+        "tracker along the beam, its certificate; tracker across the beam, its certificate; "
+        "reflector; temperature"
+    )
+    assert f"Not in the budget, because it was not stated: {gaps}." in said
+    head, rest = said.split("Approved by", 1)
+    assert "U is incomplete: 4 of 4 contributions are not stated." in head
+    assert f"lack these contributions, because they were not stated: {gaps}." in head
+    assert re.search(r"Number\W+not stated", head)
+    assert f"It does not include, because not stated: {gaps}." in rest
+    assert "It includes as stated" not in rest
     assert content(cell / "bare.json")["decision"] is None
+
+
+def test_nothing_is_said_to_be_missing_if_all_is_stated(cell: Path) -> None:
+    said = " ".join(text_of(cell / "c.pdf").split())
+    assert "incomplete" not in said
+    assert (
+        "It includes as stated: tracker along the beam, its certificate; tracker across the beam, "
+        "its certificate; reflector; temperature." in said
+    )
+
+
+def test_the_seed_is_named_by_its_use(cell: Path) -> None:
+    assert "seed of the fit" in text_of(cell / "c.pdf")
+    given = ("--calibration", str(cell / "calibration.yaml"))
+    assert run(certify(cell, None, "seedless.pdf", session="again", more=given)) == 0
+    said = text_of(cell / "seedless.pdf")
+    assert "seed of" not in said
+    assert "seed of the diagnosis" not in text_of(cell / "c.pdf")
+
+
+def test_page_and_json_count_the_same_readings_set_aside(cell: Path) -> None:
+    """One reading far from the others of its still moment."""
+    session = read_session(cell / "session", Topics())
+    assert session.tracker is not None
+    place = session.tracker.position.copy()
+    place[400] += 0.05
+    knocked = replace(session, tracker=replace(session.tracker, position=place))
+    write_session(cell / "knocked", knocked)
+    assert run(certify(cell, "about.yaml", "knocked.pdf", session="knocked")) in (0, 1)
+    count = content(cell / "knocked.json")["session"]["set_aside"]
+    assert count > 0
+    said = re.search(r"readings set aside ((\d+ \w+(, )?)+)", text_of(cell / "knocked.pdf"))
+    assert said is not None
+    assert sum(map(int, re.findall(r"\d+", said[1]))) == count
 
 
 def test_what_is_stated_in_part_is_not_said_to_be_missing_altogether() -> None:
@@ -207,6 +252,33 @@ def test_another_session_may_pass_by_a_calibration(cell: Path) -> None:
     given = ("--calibration", str(cell / "calibration.yaml"))
     assert run(certify(cell, "about.yaml", "other.json", session="again", more=given)) == 0
     assert content(cell / "other.json")["errors_held_out"] is True
+
+
+def test_a_machine_that_changed_is_certified_by_its_own_points(cell: Path) -> None:
+    """Backlash of 0.5 mrad since the calibration, which states a radius a tenth of its effect."""
+    hidden = ["--visit", "60", "--effect", "backlash:location=joint_2,value=0.0005"]
+    made = ["--robot", "srbd", "--plan", "identify", "--seed", "3", "--count", "30", *hidden]
+    assert run(["simulate", *made, "--out", str(cell / "worn")]) == 0
+    given = ("--calibration", str(cell / "calibration.yaml"))
+    found = {}
+    for session, outs in (("again", ["holds.json"]), ("worn", ["worn.json", "worn.html"])):
+        run(certify(cell, "about.yaml", *outs, session=session, more=given))
+        found[session] = content(cell / outs[0])
+    own, holds, worn = (
+        told["certified"]["u95_median_mm"] for told in (content(cell / "c.json"), *found.values())
+    )
+    assert holds < 1.05 * own
+    assert worn > 3 * own
+    after = np.linalg.norm([point["after_mm"] for point in found["worn"]["points"]], axis=1)
+    assert np.mean(after <= found["worn"]["certified"]["u95_largest_mm"]) >= 0.95
+    parts = {part["name"]: part for part in found["worn"]["budget"]}
+    assert parts["play, side unknown"]["origin"] == "residuals"
+    assert max(parts["play, side unknown"]["corrected_um"]) > 20
+    parts = {part["name"]: part for part in found["again"]["budget"]}
+    assert parts["play, side unknown"]["origin"] == "calibration"
+    assert parts["error of the model"]["kind"] == "B"
+    page = (cell / "worn.html").read_text()
+    assert "This session refutes the uncertainty of the calibration" in page
 
 
 def test_a_calibration_keeps_its_uncertainty(cell: Path) -> None:

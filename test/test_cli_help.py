@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from click.testing import CliRunner
 from delta_calibration.cli.main import VERBS, group, run
 from delta_calibration.cli.options import robots
 from delta_calibration.cli.overview import TOLD
+from delta_calibration.effects import EFFECTS
 from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import draw_machine, hideable_causes
 
@@ -115,24 +117,38 @@ def test_paragraphs_that_are_laid_out_stay_so() -> None:
     assert "\n    delta-cal fit session --robot srbd --out calibration.yaml\n" in text
 
 
+def test_the_readme_counts_the_causes_of_the_catalogue() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    counted = re.findall(r"catalogue of (\d+)|(\d+) named causes", text)
+    assert [max(each) for each in counted] == [str(len(EFFECTS))] * 2
+
+
+def test_an_effect_that_a_robot_cannot_have_is_refused_with_those_it_can(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["simulate", "--out", str(tmp_path / "session"), "--robot"]
+    assert run([*words, "srbd", "--effect", "pulley_radius"]) == 2
+    said = capsys.readouterr().err
+    assert "robot srbd has no such part; effects that srbd can have: tracker_scale, " in said
+    assert run([*words, "ur10", "--effect", "reducer_compliance"]) == 2
+    assert "file of ur10 does not state the masses of the links" in capsys.readouterr().err
+
+
 def test_simulate_says_the_causes_of_every_robot(capsys: pytest.CaptureFixture[str]) -> None:
     """Listed at the end of its help, in one line or more per robot."""
     assert run(["simulate", "--help"]) == 0
-    above, _, below = capsys.readouterr().out.partition("By robot:")
+    _, _, below = capsys.readouterr().out.partition("By robot:")
     listed: dict[str, set[str]] = {}
-    heads: list[str] = []
+    head = ""
     for line in below.splitlines():
-        names, words = line[:26].strip(), line[26:].split()
-        if names:
-            heads = names.split(", ")
-        for head in heads if line.startswith("    ") else ():
+        name, words = line[:26].strip(), line[26:].split()
+        head = name or head
+        if line.startswith("    "):
             listed.setdefault(head, set()).update(words)
     common = listed.pop("every robot")
     assert set(listed) == set(known_robots())
     for name in known_robots():
         robot = load_robot(name)
         causes = set(hideable_causes(robot, draw_machine(robot, 0).chain))
-        if name == "srbd":
-            assert causes <= set(above.split()) | common
-        else:
-            assert (common | listed[name]) - {"also"} == causes
+        assert common | listed[name] == causes
+    assert not listed["srbd"] & {"pulley_radius", "flange_compliance", "pretension_loss"}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import io
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,7 @@ import pytest
 
 from delta_calibration.calibration_file import load_calibration, save_calibration
 from delta_calibration.cli.main import run
+from delta_calibration.cli.options import steadily
 from delta_calibration.data import at_rest, collect
 from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, nominal_joints
@@ -72,6 +75,22 @@ def commands(cell: Path, name: str, *more: str) -> np.ndarray:
         rows = list(csv.DictReader(file))
     assert max(float(row["error_mm"]) for row in rows) < 1e-3
     return np.array([[float(row[name]) for name in ROBOT.joints.names] for row in rows])
+
+
+def test_a_long_first_part_shows_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without it a single part of work, or code that is compiled first, would be silent."""
+
+    class Screen(io.StringIO):
+        def isatty(self) -> bool:
+            return True
+
+    screen = Screen()
+    monkeypatch.setattr("sys.stderr", screen)
+    parts = steadily(["only"], 1, "part")
+    assert next(parts) == "only"
+    time.sleep(1.5)
+    assert "0/1" in screen.getvalue()
+    assert list(parts) == []
 
 
 def test_play_is_taken_back_by_the_point_before(cell):

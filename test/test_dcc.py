@@ -16,10 +16,11 @@ import pytest
 pytest.importorskip("jinja2", reason="needs the extra [report]")
 pytest.importorskip("xmlschema", reason="needs the extra [report]")
 
+from delta_calibration.cli import certificate as commands
 from delta_calibration.cli.main import run
 from delta_calibration.errors import InputError
 from delta_calibration.report.about import read_about
-from delta_calibration.report.dcc import _require_stated
+from delta_calibration.report.dcc import require_stated
 
 DCC, SI = "{https://ptb.de/dcc}", "{https://ptb.de/si}"
 ABOUT = """\
@@ -202,6 +203,27 @@ def test_what_a_dcc_must_say_is_asked_for(cell: Path, capsys: pytest.CaptureFixt
     assert [file.read_bytes() for file in files] == before
 
 
+def test_what_a_dcc_must_say_is_asked_for_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr(commands, "read_session", refuse)
+    outs = [word for end in ("html", "xml") for word in ("--out", str(tmp_path / f"c.{end}"))]
+    assert run(["certificate", str(tmp_path), "--robot", "srbd", *outs]) == 2
+    assert "missing in --about: number, customer" in capsys.readouterr().err
+
+
+def test_a_dcc_names_what_its_uncertainties_lack(cell: Path) -> None:
+    """The reflector is not stated; the rest is."""
+    assert certificate(cell, "about.yaml") == 0
+    root = ElementTree.parse(cell / "certificate.xml").getroot()
+    said = [element.text or "" for element in root.iter(f"{DCC}content")]
+    lacking = "Missing in the uncertainties, because not stated: reflector"
+    assert sum(lacking in text for text in said) == 2
+
+
 def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:
     """A date as usual in YAML, without quotes; without it a table without dates is of 1970."""
     (cell / "day.yaml").write_text(f"{ABOUT}measured_on: 2026-11-24\n", encoding="utf-8")
@@ -211,7 +233,7 @@ def test_a_stated_day_stands_in_the_certificate(cell: Path) -> None:
     assert days == ["2026-11-24", "2026-11-24"]
     assert certificate(cell, "about.yaml") == 0
     with pytest.raises(InputError, match=r"measured_on \(the session has no date\)"):
-        _require_stated(read_about(cell / "about.yaml", {}), 0)
+        require_stated(read_about(cell / "about.yaml", {}), 0)
 
 
 def test_a_country_is_two_letters(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

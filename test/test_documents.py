@@ -101,8 +101,8 @@ def test_a_wrong_entry_is_refused_by_path_and_value(tmp_path, old, new, message)
     [
         ("", "a mapping of keys to values is expected, found nothing"),
         ("# nothing\n", "a mapping of keys to values is expected, found nothing"),
-        ("- a\n- b\n", "a mapping of keys to values is expected, found list"),
-        ("just words", "a mapping of keys to values is expected, found str"),
+        ("- a\n- b\n", "a mapping of keys to values is expected, found a list"),
+        ("just words", "a mapping of keys to values is expected, found text"),
         ("[" * 1500, "nested too deep: at most 40 levels are allowed"),
         ("&a [*a]", "not valid YAML: alias *a is used inside its own definition"),
         (b"\xff\xfe\x00name", "is in UTF-16; save it as UTF-8"),

@@ -82,6 +82,20 @@ def test_a_machine_has_the_first_state_that_is_true_of_it() -> None:
     assert stands("a", None).state == UNKNOWN
 
 
+def test_what_else_is_true_of_a_machine_follows_its_state() -> None:
+    backlash = verdict(("backlash", "joint_1"))
+    old = stands("a", backlash, ago=100, changes=(CHANGE,), compared=False)
+    assert old.state == CAUSE
+    assert old.why == (
+        "backlash at joint 1; also: last measured 100 days ago; not lately: backlash at joint 2 "
+        "changed between s0 and s1; its sessions were not compared, so no change is known"
+    )
+    both = stands("a", backlash, changes=(CHANGE,))
+    assert both.why == ("backlash at joint 2 changed between s0 and s1; also: backlash at joint 1")
+    assert stands("a", backlash).why == "backlash at joint 1"
+    assert "not compared" in stands("a", verdict(), compared=False).why
+
+
 def test_an_update_leaves_the_verdict_before_it_and_counts_as_measured() -> None:
     before = known("a", verdict(("backlash", "joint_1")), ago=100)
     update = Measured("new", DAY - timedelta(days=2), None, 0.012, 0.01, 12, is_update=True)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
 from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
@@ -11,8 +15,10 @@ import pytest
 
 from delta_calibration.cli.main import run
 from delta_calibration.data import Session, survey
+from delta_calibration.effects import catalogue
 from delta_calibration.errors import DataError, InputError
-from delta_calibration.history import Change, Dated, History, find_changes
+from delta_calibration.history import Change, Dated, History, find_changes, prospect
+from delta_calibration.history.steps import known_before
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import write_session
 from delta_calibration.robot import Robot, load_robot
@@ -20,6 +26,8 @@ from delta_calibration.simulation import days_later, draw_machine, simulate_sess
 
 pytest.importorskip("sqlalchemy")
 
+from delta_calibration.fleet.stored import known_machines
+from delta_calibration.history.ledger import Ledger
 from delta_calibration.history.store import open_store
 
 BEGAN = datetime(2026, 1, 1, tzinfo=timezone.utc)
@@ -88,6 +96,32 @@ def test_two_changes_are_told_apart(robot: Robot) -> None:
     ]
 
 
+def test_a_diagnosis_of_the_same_readings_makes_a_change_no_surer(robot: Robot) -> None:
+    """Whether the session after a change was diagnosed; `fit` of that session says the same."""
+    play = {"backlash": {"location": "joint_2", "value": "5e-4"}}
+    alone = [
+        Dated(
+            f"day_{day}",
+            BEGAN + timedelta(days=day),
+            survey(measured(robot, day, causes), robot.joints.names),
+        )
+        for day, causes in enumerate([{}, {}, play])
+    ]
+    (backlash,) = (e for e in catalogue(robot, robot.model()) if e.cause == "backlash")
+    judged = [*alone[:2], replace(alone[2], effects=(backlash,))]
+    (one,), (other,) = find_changes(alone, robot).changes, find_changes(judged, robot).changes
+    assert (one.what, one.confidence, one.rivals) == (other.what, other.confidence, other.rivals)
+    (by_fit,) = prospect(judged, robot, alone[2]).changes
+    assert by_fit.confidence == pytest.approx(one.confidence, abs=0.005)
+    assert by_fit.rivals == one.rivals
+
+
+def test_a_cause_is_known_from_the_gap_after_its_diagnosis_on() -> None:
+    found = known_before([["backlash"], [], ["joint_lag"], ["tracker_drift"]])
+    assert found == ({"backlash"}, {"backlash"}, {"backlash", "joint_lag"})
+    assert known_before([["backlash"]]) == ()
+
+
 def test_sessions_of_one_day_are_told_with_their_time(robot: Robot) -> None:
     when = (BEGAN, BEGAN + timedelta(hours=3))
     change = Change("a", "b", "backlash", None, "gap", 0, 1, 0, 0, 1, "rad", 1, 1, (), 9, when, ())
@@ -145,6 +179,24 @@ def test_changes_as_json_are_of_the_form_that_programs_read(
     assert (change["after"], change["before"]) == ("day_1", "day_2")
     assert (change["what"], change["location"], change["unit"]) == ("arm_length", "joint_2", "m")
     assert np.isclose(change["to"] - change["from"], 1e-4, atol=4 * change["std"])
+
+
+def test_a_change_log_is_kept_for_the_page_of_a_fleet(folder: Path, tmp_path: Path) -> None:
+    """Until the sessions are compared the page says so, and does not say that nothing changed."""
+    store = shutil.copy(folder / "h.sqlite", tmp_path / "own.sqlite")
+    with closing(sqlite3.connect(store)) as own:
+        own.execute("DROP TABLE IF EXISTS fleet_changes")
+        own.commit()
+    with open_store(str(store)) as opened:
+        (before,) = known_machines(Ledger(opened))
+    assert (before.compared, before.changes) == (False, ())
+    assert run(["history", "changes", "--machine", "press_3", "--store", str(store)]) == 0
+    with open_store(str(store)) as opened:
+        (after,) = known_machines(Ledger(opened))
+    assert after.compared
+    assert [(c["what"], c["after"], c["before"]) for c in after.changes] == [
+        ("arm_length", "day_1", "day_2")
+    ]
 
 
 def test_a_report_and_lists_are_written(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -728,6 +728,11 @@ def test_after_installing_nothing_is_left_to_compile(tmp_path):
     simulated = run(main, "simulate", "--robot", "srbd", *plan)
     fitted = run(main, "fit", "session", "--robot", "srbd", "--out", "calibration.yaml")
     assert "data saved" not in simulated + fitted
+    (tmp_path / "targets.csv").write_text("x_mm,y_mm,z_mm\n0,0,-750\n")
+    files = ("targets.csv", "--calibration", "calibration.yaml", "--out", "commands.csv")
+    corrected = run(main, "compensate", *files, "--robot", "srbd")  # by the usual method, a swarm
+    assert "data saved" not in corrected
+    assert machine_code(corrected) <= machine_code(warmed)
     assert machine_code(fitted)
     assert machine_code(simulated + fitted) <= machine_code(warmed)
     # needed by the first command in a cell

@@ -75,10 +75,10 @@ def test_a_session_with_a_mistake_is_warned_of_and_not_saved(
     command = session.recorded.command
     degrees = replace(command, position=np.degrees(command.position))
     wrong = Session(session.robot, replace(session.recorded, command=degrees))
-    with pytest.warns(UserWarning, match="unit_degrees in joint_command"):
+    with pytest.warns(UserWarning, match="unit degrees in joint command"):
         found = wrong.fit()
     out = tmp_path / "c.yaml"
-    with pytest.raises(MistakeError, match=r"no calibration is written .* with unit_degrees"):
+    with pytest.raises(MistakeError, match=r"no calibration .* with a mistake \(unit degrees\)"):
         found.save(out)
     assert not out.exists()
     found.save(out, force=True)

@@ -14,7 +14,7 @@ pytest.importorskip("GTC", reason="needs the extra [test]")
 
 import GTC
 
-from certified_coverage import coverage
+from certified_coverage import coverage, later
 from delta_calibration.data import collect
 from delta_calibration.estimation import Rest, identify
 from delta_calibration.estimation.positions import _kurtosis, _split
@@ -288,6 +288,30 @@ def test_true_errors_lie_within_what_is_certified(
     assert least <= share <= most
 
 
+@pytest.mark.parametrize(
+    ("robot", "cause", "least", "most"),
+    [
+        ("srbd", "none", 0.93, 0.985),
+        ("srbd", "backlash", 0.92, 0.985),
+        ("scara", "transmission_error", 0.91, 0.995),
+    ],
+)
+def test_true_errors_after_a_change_lie_within_what_is_certified(
+    robot: str, cause: str, least: float, most: float
+) -> None:
+    """By a calibration from before the change, and a later session with another tracker frame."""
+    share = np.mean([later(robot, cause, seed).covered for seed in range(5)])
+    assert least <= share <= most
+
+
+def test_a_calibration_that_holds_keeps_its_radius() -> None:
+    grown = [
+        later("srbd", "none", s).radius / coverage("srbd", "none", s).radius for s in range(6)
+    ]
+    assert 0.97 < np.median(grown) < 1.03
+    assert np.mean(grown) < 1.08
+
+
 def test_a_hidden_cause_widens_what_is_certified() -> None:
     clean, hidden = (coverage("srbd", cause, 2) for cause in ("none", "backlash"))
     assert hidden.radius > 4 * clean.radius
@@ -317,10 +341,10 @@ def test_a_pose_that_was_set_aside_leaves_the_machine_undecided() -> None:
     assert less.points is not None
     assert less.points[3] is Decision.NOT_DECIDED
     page = page_of_certificate(less)
-    assert (
-        "1 of 48 poses is a gross error according to the fit, and not judged"
-        in page.statements[5].answer
-    )
+    said = {each.question: each.answer for each in page.statements}
+    assert "1 of 48 poses is a gross error according to the fit, and not judged" in said["Errors"]
+    conditions = next(table for table in page.tables() if table.name == "conditions")
+    assert ("poses set aside", "1 of 48") in conditions.rows
     points = next(table for table in page.tables() if table.name == "points")
     assert [row[-1] for row in points.rows].count("set aside") == 1
 

@@ -46,9 +46,9 @@ def content(folder: Path) -> dict[str, bytes]:
     [
         ("fit session --robot r.yaml --out r.yaml", "--out r.yaml: would write over what --robot"),
         ("fit session --robot r.yaml --out ./session/../r.yaml", "what --robot reads"),
-        ("fit session --robot srbd --out session/metadata.yaml", "what session reads"),
-        ("fit session --robot srbd --out session", "what session reads"),
-        ("import t.csv --robot srbd --guess --mapping-out t.csv", "what table reads"),
+        ("fit session --robot srbd --out session/metadata.yaml", "over session, which is read"),
+        ("fit session --robot srbd --out session", "over session, which is read"),
+        ("import t.csv --robot srbd --guess --mapping-out t.csv", "over t.csv, which is read"),
         (
             "import t.csv --robot srbd --guess --mapping-out g --json g",
             "--json writes to the same",
@@ -56,12 +56,12 @@ def content(folder: Path) -> dict[str, bytes]:
         ("compensate points.csv --robot srbd --calibration t.csv --out t.csv", "what --calibrat"),
         (
             "compensate points.csv --robot srbd --calibration t.csv --out points.csv",
-            "what targets",
+            "over points.csv, which is read",
         ),
-        ("circle t.csv --robot srbd --json t.csv", "--json t.csv: would write over what session"),
+        ("circle t.csv --robot srbd --json t.csv", "over t.csv, which is read; give another name"),
         ("history report --machine M --store t.csv --out t.csv", "what --store reads"),
         ("history changes --machine M --store t.csv --json t.csv", "what --store reads"),
-        ("compare t.csv points.csv --out t.csv", "what files reads"),
+        ("compare t.csv points.csv --out t.csv", "over t.csv, which is read"),
         ("plan --robot r.yaml --identify --out r.yaml", "what --robot reads"),
         ("simulate --robot srbd --plan points.csv --out points.csv", "what --plan reads"),
     ],

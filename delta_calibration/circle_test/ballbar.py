@@ -63,7 +63,7 @@ def read_ballbar(path: Path, robot: Robot) -> Ballbar:
     if not by_points and not any(name in head for name in names):
         raise InputError(
             f"{path}: no columns of the command: {', '.join(names)} or {', '.join(POINT)} "
-            f"beside {TIME} and {RADIUS}; found {head}"
+            f"beside {TIME} and {RADIUS}; found {head.strip() or 'nothing'}"
         )
     rows = read_table(path, (TIME, RADIUS, *(POINT if by_points else names)))
     time = np.array([row.number(TIME, -_MOST_S, _MOST_S) for row in rows])

@@ -36,6 +36,7 @@ from delta_calibration.report import (
     pdf_of,
     read_about,
     require_libraries,
+    require_stated,
     require_valid,
     session_provenance,
     write_dcc,
@@ -143,12 +144,20 @@ def command(
     if any(out.suffix == ".html" for out in outs):
         require_libraries()
     stated = read_about(about, _by_path(given))
+    digital = any(out.suffix == ".xml" for out in outs)
+    if digital:
+        require_stated(stated)
     robot = load_robot(robot_file)
     recorded = read_session(session, Topics.from_options(topics))
     _require_sound(recorded, robot, robot_file)
     poses = collect(recorded, robot.joints.names, robot.commanded.joint_size)
     calibration = None if calibration_file is None else load_calibration(calibration_file, robot)
-    source = session_provenance(session, poses, robot, seed, recorded.metadata, calibration)
+    if digital:
+        require_stated(stated, poses.start_ns)
+    seeded = "fit" if calibration is None else ""
+    source = session_provenance(
+        session, poses, robot, seed, recorded.metadata, calibration, seeded
+    )
     click.echo(describe_poses(poses))
     if calibration is None:
         examined = examined_fit(identify(poses, robot, seed=seed), poses, robot)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import click
@@ -16,11 +17,12 @@ from delta_calibration.cli.options import (
 )
 from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import Session
-from delta_calibration.doctor import Checked, Mistake, check, examine
+from delta_calibration.doctor import Checked, Mistake, check, examine, lacks_joints
 from delta_calibration.documents import write_document
 from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
+from delta_calibration.wording import listed, spoken
 
 
 @verb("check")
@@ -44,8 +46,8 @@ from delta_calibration.robot import Robot, robot_document
     "--prefer",
     metavar="MISTAKE",
     default="",
-    help="Mistake to correct, such as joints_swapped, if the session does not distinguish it from "
-    "others.  [default: the first that is found]",
+    help="Mistake to correct, such as 'joints swapped' or joints_swapped, if the session does not "
+    "distinguish it from others.  [default: the first that is found]",
 )
 @topics_option
 def command(
@@ -68,10 +70,13 @@ def command(
         if path is not None:
             require_folder(path, folder=path is fix)
     recorded = read_session(session, Topics.from_options(topics))
+    prefer = "_".join(prefer.split())
     checked = examine(recorded, robot_file, prefer)
     if prefer and not any(m.mistake == prefer for m in checked.found):
-        names = ", ".join(dict.fromkeys(m.mistake for m in checked.found)) or "none"
-        raise InputError(f"--prefer {prefer}: not found in the session; found: {names}")
+        raise InputError(
+            f"--prefer {spoken(prefer)!r}: not found in the session; found: "
+            f"{_named(checked.found) or 'none'}"
+        )
     for note in (*recorded.notes, *checked.notes):
         click.echo(f"note: {note}")
     for mistake in checked.found:
@@ -87,14 +92,18 @@ def command(
         raise click.exceptions.Exit(DataError.exit_code)
 
 
+def _named(found: Iterable[Mistake]) -> str:
+    """The kinds of mistakes in words, each once."""
+    return listed(dict.fromkeys(spoken(mistake.mistake) for mistake in found))
+
+
 def _described(mistake: Mistake) -> str:
     where = f" ({mistake.part})" if mistake.part else ""
     size = ""
     if mistake.value is not None:
         size = f": {mistake.value:.6g} {mistake.unit if mistake.unit != '1' else ''}".rstrip()
     return (
-        f"{mistake.mistake} in {mistake.stream}{where}{size}\n  evidence: {mistake.evidence}\n  "
-        f"remedy: {mistake.mend}"
+        f"{mistake.called}{where}{size}\n  evidence: {mistake.evidence}\n  remedy: {mistake.mend}"
     )
 
 
@@ -104,7 +113,7 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
     if not checked.resolved:
         raise DataError(f"{out}: not written: the mistake is not known well enough to correct it")
     undone = [m for m in checked.found if not m.is_alternative]
-    mended = "; ".join(f"{m.mistake} in {m.stream}" for m in undone)
+    mended = "; ".join(m.called for m in undone)
     provenance = {"mended_by": f"delta-cal check {__version__}", "mended": mended}
     write_session(out, checked.session, {**provenance, "mended_from": recorded.source})
     click.echo(f"written: {out}")
@@ -132,16 +141,19 @@ def warn_of_mistakes(
         out: whether a calibration is to be written.
 
     Raises:
+        InputError: the session lacks joints of the robot, so that nothing can be fitted.
         MistakeError: a mistake was found, a calibration is to be written, and `force` is not set.
     """
     path, document = robot_document(robot_file)
     checked = check(session, robot, document, str(path))
+    if lacks_joints(session, robot):
+        raise InputError("; ".join(f"{session.source}: {m.sentence()}" for m in checked.found))
     for mistake in checked.found:
         click.echo(f"warning: {mistake.sentence()}")
     if checked.found and out and not force:
         raise MistakeError(
-            f"{session.source}: no calibration is written from a session with "
-            f"{', '.join(dict.fromkeys(m.mistake for m in checked.found))}: `delta-cal check` "
+            f"{session.source}: no calibration is written from a session with a mistake "
+            f"({_named(checked.found)}): `delta-cal check` "
             f"explains it{' and corrects it (--fix)' if checked.resolved else ''}; --force writes "
             "the calibration anyway"
         )

@@ -14,10 +14,10 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.commands_file import unit_for, write_commands
 from delta_calibration.cli.options import (
     calibration_option,
-    progress,
     require_folder,
     robot_option,
     seed_option,
+    steadily,
 )
 from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.tables import TableOptions, table_options
@@ -183,7 +183,7 @@ def said(text: str) -> None:
 
 
 def _watched(parts: Sequence[NDArray[np.intp]]) -> Iterable[NDArray[np.intp]]:
-    return progress(parts, len(parts), "part")
+    return steadily(parts, len(parts), "part")
 
 
 def _summary(commands: Commands, compensator: JointCompensator) -> str:

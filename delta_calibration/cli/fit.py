@@ -37,7 +37,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.estimation import Identification, doubts, identify, most_evaluations
 from delta_calibration.papers import METHODS, ORDERS, method_named
 from delta_calibration.recording import Topics, read_session
-from delta_calibration.wording import mm, plain
+from delta_calibration.wording import mm, plain, set_aside
 
 if TYPE_CHECKING:  # a fit alone need not load the libraries of a history
     from delta_calibration.history import Prospect
@@ -150,9 +150,7 @@ def command(
 def describe_poses(poses: Poses) -> str:
     """Text on the readings of a session: poses at rest, places, readings set aside, notes."""
     places = len(np.unique(poses.place))
-    aside = (
-        ", ".join(f"{n} {reason}" for reason, n in poses.rejected.counts().items() if n) or "none"
-    )
+    aside = set_aside(poses.rejected.counts()) or "none"
     lines = [
         f"{Path(poses.source).name}: {poses.readings} readings in {duration(poses.duration)}, "
         f"{len(poses)} poses at rest in {places} places; set aside: {aside}",

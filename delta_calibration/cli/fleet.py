@@ -18,7 +18,7 @@ from delta_calibration.errors import DataError, InputError
 from delta_calibration.fleet.evidence import fitted
 from delta_calibration.fleet.priors import write_priors
 from delta_calibration.fleet.shared import shared_causes
-from delta_calibration.fleet.standing import standing
+from delta_calibration.fleet.standing import STATES, standing
 from delta_calibration.history.opening import opened
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.report.fleet import page_of_fleet
@@ -28,6 +28,7 @@ from delta_calibration.wording import plain
 if TYPE_CHECKING:  # other verbs need not load a cluster's library
     from delta_calibration.fleet.places import Machine
 
+_ORDER = f"each machine counts once, in the first state that applies: {', '.join(STATES)}"
 _LIBRARIES = ("dask", "distributed", "fsspec", "sqlalchemy")
 
 
@@ -187,7 +188,14 @@ def report(url: str, out: Path, day: datetime | None, lately: int) -> None:
     shared = shared_causes(fleet, *_looked_for({each.robot for each in fleet}))
     page = page_of_fleet(fleet, shared, never, on, lately)
     write_page(out, page)
-    click.echo(plain(f"{page.sentence}\n{page.statements[1].answer}\nwritten: {out}"))
+    click.echo(plain(f"{page.sentence}\n{_ORDER}\n{page.statements[1].answer}"))
+    apart = [each.machine for each in fleet if not each.compared]
+    if apart:
+        click.echo(
+            f"not compared, so that no change is known: {', '.join(apart)}; "
+            f"`delta-cal fleet run {url}` compares them"
+        )
+    click.echo(f"written: {out}")
 
 
 @command.command("priors")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -188,7 +189,7 @@ def list_(machine: str | None, url: str) -> None:
             click.echo(table(("machine", "robot", "sessions"), rows))
             return
         entries = store.sessions(machine)
-    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(e.error_left_mm), e.found) for e in entries]
+    lines = [(e.id, f"{e.began:%Y-%m-%d %H:%M}", mm(e.error_left_mm), e.named) for e in entries]
     click.echo(table(("session", "began", "error left [mm]", "found"), lines))
 
 
@@ -282,8 +283,15 @@ def _all(store: Store) -> Iterable[tuple[str, str]]:
 
 
 def _changes(machine: str, url: str) -> History:
-    """Changes of a machine, found by reading the bags of its history again."""
+    """Changes of a machine, found by reading its bags again; kept for the page of a fleet."""
+    from delta_calibration.history.ledger import Ledger, compared_of
+
     with opened(url) as store:
         robot = robot_kept(store, machine)
         entries = store.sessions(machine)
-    return find_changes(Reread()(entries, robot), robot, named=robot.named)
+        found = find_changes(Reread()(entries, robot), robot, named=robot.named)
+        with suppress(
+            InputError
+        ):  # a store that cannot be written to has a change log all the same
+            Ledger(store).keep_compared(compared_of(machine, entries, found.changes))
+    return found

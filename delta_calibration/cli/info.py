@@ -9,7 +9,7 @@ import click
 from delta_calibration.cli.options import SESSION, duration, robots, table
 from delta_calibration.recording import inspect_session, joints_in
 from delta_calibration.robot import Joints, load_robot
-from delta_calibration.wording import moment
+from delta_calibration.wording import moment, spoken
 
 
 @click.command("info")
@@ -38,7 +38,7 @@ def command(session: Path, robot_file: str | None) -> None:
         for topic, found in joints_in(session).items():
             click.echo(f"{topic}: {_told(found, joints)}")
     for key, value in info.custom_data.items():
-        click.echo(f"{key}: {value}")
+        click.echo(f"{spoken(key)}: {value}")
     for note in info.notes:
         click.echo(f"note: {note}")
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import Any, TypeVar
 
 import click
@@ -127,6 +128,27 @@ def progress(items: Iterable[Item], total: int, unit: str) -> Iterable[Item]:
 
     bar: Iterable[Item] = tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False)
     return bar
+
+
+def steadily(items: Iterable[Item], total: int, unit: str) -> Iterator[Item]:
+    """As `progress`, but the bar also appears, with its clock, while the first item takes long."""
+    from tqdm import tqdm
+
+    done = Event()
+    with tqdm(items, total=total, unit=unit, delay=1.0, disable=None, leave=False) as bar:
+        clock = Thread(target=_keep_shown, args=(bar, done), daemon=True)
+        clock.start()
+        try:
+            yield from bar
+        finally:
+            done.set()
+            clock.join()
+
+
+def _keep_shown(bar: Any, done: Event) -> None:
+    """Draw a bar anew every second until the work is done."""
+    while not done.wait(1.0):
+        bar.refresh()
 
 
 @contextmanager

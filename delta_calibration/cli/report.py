@@ -23,7 +23,7 @@ from delta_calibration.cli.options import (
     topics_option,
 )
 from delta_calibration.cli.verb import OUTPUT, verb
-from delta_calibration.data import survey
+from delta_calibration.data import collect, survey
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import (
     Report,
@@ -82,8 +82,11 @@ def command(
     known = Topics.from_options(topics)
     recorded = read_session(session, known)
     standard = None if cycles is None else (cycles, read_session(cycles, known))
+    size = robot.commanded.joint_size
+    if standard is not None:  # the session of another robot is refused before the diagnosis
+        collect(standard[1], robot.joints.names, size)
     mistakes = warn_of_mistakes(recorded, robot, robot_file, force=False, out=False)
-    seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
+    seen = survey(recorded, robot.joints.names, size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
     made = report_on(session, recorded, found, robot, seed, calibration, standard, mistakes)

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from textwrap import wrap
 
 import click
 
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.cli.verb import OUTPUT, verb
+from delta_calibration.cli.verb import OUTPUT, Verb
 from delta_calibration.data import collect
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
-from delta_calibration.robot import load_robot
+from delta_calibration.robot import known_robots, load_robot
 from delta_calibration.simulation import (
     RICH_PERIOD,
     days_later,
@@ -64,27 +65,9 @@ Structure:
   ball_joint_clearance  force=N: load that takes it from end to end (0: any);
                         end=1: at the elbow, -1: at the platform, 0: at both
 By robot:
-  every robot           geometry smr_offset tracker_scale tracker_drift
-                        timestamp_latency backlash joint_lag
-                        joint_zero_drift stick_slip
-  srbd                  all of the above
-  linear_delta          joint_zero_offset arm_length base_joint_position
-                        transmission_error thermal_growth_arm slider_pitch
-  five_axis             joint_zero_offset base_joint_position
-                        platform_joint_position transmission_error slider_pitch
-  cdpr8                 base_joint_position platform_joint_position drum_scale
-                        encoder_eccentricity cable_elasticity cable_sag
-                        pulley_radius drum_build_up drum_eccentricity
-                        counter_zero_offset pretension_loss
-  scara, ur10           flange_compliance
-                        joint_zero_offset joint_axis_tilt link_length
-                        link_offset tool_position tool_turn
-                        encoder_eccentricity transmission_error joint_scale
-                        thermal_growth_link joint_error_curve
-  scara                 also reducer_compliance base_compliance
-  ur10                  also gravity_sag base_compliance
-An unknown cause or location is refused with a list of those the robot has.
 """
+_REFUSED = "An unknown cause or location is refused with a list of those the robot has."
+_LEFT, _WIDE = 24, 54  # width of the robots' names and of their causes [characters]
 
 
 def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]:
@@ -94,7 +77,32 @@ def _causes(context: click.Context, _: click.Parameter, begun: str) -> list[str]
     return [name for name in hideable_causes(robot, chain) if name.startswith(begun)]
 
 
-@verb("simulate", epilog=_CAUSES)
+def _by_robot() -> str:
+    """List the causes that each robot of the package can have, those of all robots first."""
+    have = {}
+    for name in known_robots():
+        robot = load_robot(name)
+        have[name] = hideable_causes(robot, draw_machine(robot, seed=0).chain)
+    common = set.intersection(*(set(causes) for causes in have.values()))
+    rows = [("every robot", [cause for cause in next(iter(have.values())) if cause in common])]
+    rows += [(name, [c for c in causes if c not in common]) for name, causes in have.items()]
+    lines = []
+    for name, causes in rows:
+        for number, text in enumerate(wrap(" ".join(causes), _WIDE)):
+            lines.append(f"  {name if number == 0 else '':{_LEFT - 2}}{text}")
+    return "\n".join(lines)
+
+
+class Simulate(Verb):
+    """The verb, with the list of causes at the end of its help, made when it is shown."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the causes, and which robot can have which."""
+        self.epilog = f"{_CAUSES}{_by_robot()}\n{_REFUSED}\n"
+        super().format_epilog(ctx, formatter)
+
+
+@click.command("simulate", cls=Simulate)
 @robot_option
 @click.option(
     "--effect",

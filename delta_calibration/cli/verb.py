@@ -40,7 +40,7 @@ class Verb(click.Command):
         for (name, path), (other, source) in product(outputs, existing):
             if _replaces(path, source):
                 raise InputError(
-                    f"{name} {path}: would write over what {other} reads; name another file"
+                    f"{name} {path}: would write over {_source(other, source)}; give another name"
                 )
         for (name, path), (other, same) in combinations(files, 2):
             if path.resolve() == same.resolve():
@@ -69,6 +69,11 @@ def _files(ctx: click.Context, wanted: Callable[[Any], bool]) -> Iterator[tuple[
         for value in given if isinstance(given, tuple | list) else (given,):
             if isinstance(value, Path | str):
                 yield name, Path(value)
+
+
+def _source(name: str, path: Path) -> str:
+    """What an argument names, in words: an option by its name, an argument by its path."""
+    return f"what {name} reads" if name.startswith("-") else f"{path}, which is read"
 
 
 def _exists(path: Path) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.cell.usual import warm_up
-from delta_calibration.compensation import JointCompensator
+from delta_calibration.compensation import TABLE, JointCompensator, TableSettings, methods_for
 from delta_calibration.data import survey
 from delta_calibration.estimation import identify
 from delta_calibration.estimation.measurements import bare_chain
@@ -54,15 +54,17 @@ def _fit(name: str) -> None:
 
 
 def _compensate(name: str) -> None:
-    """Compensate a few commands with the nominal dimensions, singly and as a batch."""
+    """Compensate a few commands with the nominal dimensions, singly and by every method."""
     robot = load_robot(name)
     chain, limits = bare_chain(robot.model()), (robot.joints.lower, robot.joints.upper)
     theta = chain.join(chain.mechanism.parameters.nominal, np.zeros(3), Frame.identity())
     disc = make_plan("disc", robot, count=8, both_sides=False)
     region = Region.of(np.concatenate([disc.target + shift for shift in (-_ABOUT, _ABOUT)]))
-    compensator = JointCompensator(Calibration(robot, chain, theta, region, *limits, 0.0, "", ""))
-    compensator.compensate(disc.joint)
-    warm_up(compensator)
+    calibration = Calibration(robot, chain, theta, region, *limits, 0.0, "", "")
+    for method in methods_for(robot.commanded):
+        table = TableSettings() if method == TABLE else None
+        JointCompensator(calibration, method, table=table).compensate(disc.joint)
+    warm_up(JointCompensator(calibration))
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from delta_calibration.data import JointStream, Session, TrackerStream
 from delta_calibration.documents import Document
 from delta_calibration.robot import Robot
+from delta_calibration.wording import spoken
 
 Array = NDArray[np.float64]
 
@@ -41,10 +42,15 @@ class Mistake:
         """Whether it is an alternative to another mistake that explains the session as well."""
         return self.evidence.startswith(ALTERNATIVE)
 
+    @property
+    def called(self) -> str:
+        """The mistake and its stream in words, such as `clock offset in tracker`."""
+        return called(self.mistake, self.stream)
+
     def sentence(self) -> str:
         """The mistake as one sentence for messages."""
         where = f" ({self.part})" if self.part else ""
-        return f"{self.mistake} in {self.stream}{where}: {self.evidence}; {self.mend}"
+        return f"{self.called}{where}: {self.evidence}; {self.mend}"
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,11 @@ class Answer:
             return self
         rest = tuple(other for other in self.others if other is not named[0])
         return Answer((named[0],), self.evidence, (*self.changes, *rest))
+
+
+def called(mistake: str, stream: str) -> str:
+    """A mistake and its stream in words."""
+    return f"{spoken(mistake)} in {spoken(stream)}"
 
 
 def as_it_is(session: Session) -> Session:

@@ -124,11 +124,21 @@ def _reason(error: ConfigError, source: str) -> str:
     return str(error).removeprefix(f"{source}: ")
 
 
-def _named(session: Session, robot: Robot) -> Checked | None:
-    """Report a wrong robot if the session lacks joints of the robot; else None."""
+def lacks_joints(session: Session, robot: Robot) -> bool:
+    """Whether a joint stream lacks a joint of the robot, so that nothing can be fitted."""
+    return bool(_of_other_joints(session, robot))
+
+
+def _of_other_joints(session: Session, robot: Robot) -> list[tuple[str, ...]]:
+    """Joints of those joint streams that lack a joint of the robot."""
     streams = [joints_of(session, name) for name in joint_streams(session)]
     wanted = set(robot.joints.names)
-    others = [s.names for s in streams if s is not None and not wanted <= set(s.names)]
+    return [s.names for s in streams if s is not None and not wanted <= set(s.names)]
+
+
+def _named(session: Session, robot: Robot) -> Checked | None:
+    """Report a wrong robot if the session lacks joints of the robot; else None."""
+    others = _of_other_joints(session, robot)
     if not others:
         return None
     evidence = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from delta_calibration.data import Session
-from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake, in_order
+from delta_calibration.doctor.change import ALTERNATIVE, Answer, Change, Mistake, called, in_order
 from delta_calibration.doctor.stops import stops_of
 from delta_calibration.documents import Document
 from delta_calibration.lazy import cached_property
@@ -51,7 +51,7 @@ class Checked:
             checked = checked.with_(change, answer.evidence)
         same = answer.changes[0]
         for other in answer.others:
-            doubt = f"{ALTERNATIVE} {same.mistake} in {same.streams[0]}"
+            doubt = f"{ALTERNATIVE} {called(same.mistake, same.streams[0])}"
             found = other.found(f"{doubt}; one of the two is true: {answer.evidence}")
             checked = replace(checked, found=(*checked.found, *found))
         return checked

@@ -307,7 +307,7 @@ class Effect(ABC):
     @property
     def unsuited(self) -> str:
         """Reason why the effect does not suit the mechanism."""
-        return f"a {self.mechanism.name} has no such part"
+        return f"robot {self.robot.name} has no such part"
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """A form of the cause that such data cannot show, or not apart from another cause.

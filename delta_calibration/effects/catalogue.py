@@ -113,7 +113,10 @@ def effect_named(
         raise InputError(f"no effect {cause!r}; choose from: {', '.join(known)}")
     effect = known[cause](robot, mechanism)
     if not effect.suits:
-        raise InputError(f"effect {cause}: {effect.unsuited}")
+        fitting = ", ".join(each.cause for each in catalogue(robot, mechanism))
+        raise InputError(
+            f"effect {cause}: {effect.unsuited}; effects that {robot.name} can have: {fitting}"
+        )
     own = effect.settings
     odd = sorted(set(settings) - set(own))
     if odd:

@@ -36,3 +36,10 @@ class ReducerCompliance(DriveCompliance):
         """Whether the mechanism has links of known mass."""
         arm = self.mechanism
         return isinstance(arm, SerialArm) and any(link.mass for link in arm.dimensions.links)
+
+    @property
+    def unsuited(self) -> str:
+        """Reason: no arm, or one without stated masses."""
+        if not isinstance(self.mechanism, SerialArm):
+            return super().unsuited
+        return f"the robot file of {self.robot.name} does not state the masses of the links"

@@ -89,7 +89,7 @@ def uncertainty_of(
     kurtosis = _kurtosis(error, known + model, model, place)
     fourth = kurtosis * np.trace(model, axis1=1, axis2=2) ** 2
     ratio = np.linalg.norm(error, axis=1) / radius95(known + model, fourth=fourth)
-    found = replace(found, widen=_reached(ratio), kurtosis=kurtosis)
+    found = replace(found, widen=reached(ratio), kurtosis=kurtosis)
     return Uncertainty(covariance, split.rest.repeatability, found, split.rest.freedom)
 
 
@@ -196,7 +196,7 @@ def _kurtosis(error: Array, whole: Array, model: Array, place: Index) -> float:
     return max(found - doubt**2 / found, least)
 
 
-def _reached(ratio: Array) -> float:
+def reached(ratio: Array) -> float:
     """Factor on the radius: the 95 % quantile of ratios (n,) if too many exceed 1; else 1."""
     above = int(np.sum(ratio > 1.0))
     if len(ratio) < _FEWEST or bdtrc(above - 1, len(ratio), 1 - COVERED) > _CHANCE:

@@ -8,6 +8,9 @@ A machine has one state, the first of these that applies:
 - not measured lately;
 - fine.
 
+What else is true of it follows in the reason: a cause beside a change, a last session or a change
+that is not recent, and sessions that were never compared, so that no change is known.
+
 After an update (a session fitted with earlier sessions as prior) the verdict before it holds.
 
 The stake is the error [mm RMS] that a visit may remove: the error of the calibrated dimensions
@@ -57,6 +60,7 @@ class Known:
     sessions: tuple[Measured, ...]  # in order of time, at least one
     changes: tuple[Mapping[str, Any], ...] = ()
     failed: tuple[str, ...] = ()  # error messages of sessions without a result
+    compared: bool = True  # whether all its sessions were compared to find changes
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,7 @@ class Standing:
     findings: tuple[Mapping[str, Any], ...]  # of the last verdict, causes beyond the dimensions
     changes: tuple[Mapping[str, Any], ...]  # lately
     failed: tuple[str, ...]
+    compared: bool = True  # whether all its sessions were compared to find changes
 
 
 def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
@@ -90,20 +95,21 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
     changes = _recent(known, day - lately)
     findings = _causes(judged)
     state, why, to_do, stake = _fine(judged)
-    if day - last.began > lately:
-        state, why = STALE, f"last measured {(day - last.began).days} days ago"
-        to_do = "measure"
+    age = _age(last, day) if day - last.began > lately else ""
+    if age:
+        state, why, to_do = STALE, age, "measure"
     if findings:
         state, why, to_do, stake = _caused(judged, findings)
     if changes:
         state, why, to_do, stake = _drifted(known, changes, stake)
     if judged.verdict is None or judged.verdict["unknown_structure"]["found"]:
         state, why, to_do, stake = _unknown(judged, stake)
+    also = _also(known, state, findings, changes, age)
     return Standing(
         known.machine,
         known.robot,
         state,
-        why,
+        f"{why}; also: {'; '.join(also)}" if also else why,
         to_do,
         last.began,
         len(known.sessions),
@@ -112,6 +118,7 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
         findings,
         changes,
         known.failed,
+        known.compared,
     )
 
 
@@ -125,6 +132,35 @@ def called(finding: Mapping[str, Any]) -> str:
     """Cause and location of a finding or a change, in words."""
     where = f" at {spoken(finding['location'])}" if finding["location"] else ""
     return f"{spoken(finding.get('cause') or finding['what'])}{where}"
+
+
+def _age(last: Measured, day: datetime) -> str:
+    return f"last measured {(day - last.began).days} days ago"
+
+
+def _changed(changes: Sequence[Mapping[str, Any]]) -> str:
+    """The changes in words, each with the two sessions around it."""
+    told = (f"{called(c)} changed between {c['after']} and {c['before']}" for c in changes)
+    return "; ".join(told)
+
+
+def _also(
+    known: Known,
+    state: str,
+    findings: Sequence[Mapping[str, Any]],
+    changes: Sequence[Mapping[str, Any]],
+    age: str,
+) -> tuple[str, ...]:
+    """What else is true of a machine; `age` is empty if its last session is recent."""
+    earlier = [each for each in known.changes if each not in changes]
+    told = (
+        _changed(changes) if state == UNKNOWN else "",
+        listed(called(each) for each in findings) if state in (UNKNOWN, DRIFTED) else "",
+        age if state != STALE else "",
+        f"not lately: {_changed(earlier)}" if earlier else "",
+        "" if known.compared else "its sessions were not compared, so no change is known",
+    )
+    return tuple(text for text in told if text)
 
 
 def _fine(last: Measured) -> tuple[str, str, str, float]:
@@ -146,8 +182,12 @@ def _drifted(
     known: Known, changes: Sequence[Mapping[str, Any]], stake: float
 ) -> tuple[str, str, str, float]:
     moved = max(_moves_mm(known, change) for change in changes)
-    why = "; ".join(f"{called(c)} changed between {c['after']} and {c['before']}" for c in changes)
-    return DRIFTED, why, "calibrate anew, and look at the part that changed", max(moved, stake)
+    return (
+        DRIFTED,
+        _changed(changes),
+        "calibrate anew, and look at the part that changed",
+        max(moved, stake),
+    )
 
 
 def _unknown(last: Measured, stake: float) -> tuple[str, str, str, float]:

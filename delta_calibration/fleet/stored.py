@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from delta_calibration.fleet.standing import Known, Measured
-from delta_calibration.history.ledger import Ledger
+from delta_calibration.history.ledger import Compared, Ledger, hash_of_sessions
 from delta_calibration.history.store import Entry
 
 
@@ -18,9 +18,10 @@ def known_machines(ledger: Ledger) -> Iterator[Known]:
     compared = ledger.compared()
     for machine, robot in ledger.store.machines():
         entries = ledger.store.sessions(machine)
-        changes = compared[machine].changes if machine in compared else ()
-        sessions = tuple(map(_measured, entries))
-        yield Known(machine, robot, sessions, changes, tuple(failed.pop(machine, ())))
+        last = compared.get(machine)
+        changes = () if last is None else last.changes
+        sessions, whole = tuple(map(_measured, entries)), _is_whole(last, entries)
+        yield Known(machine, robot, sessions, changes, tuple(failed.pop(machine, ())), whole)
 
 
 def never_measured(ledger: Ledger) -> dict[str, tuple[str, ...]]:
@@ -31,6 +32,14 @@ def never_measured(ledger: Ledger) -> dict[str, tuple[str, ...]]:
         if failure.machine not in known:
             failed[failure.machine].append(f"{failure.id}: {failure.told}")
     return {machine: tuple(said) for machine, said in failed.items()}
+
+
+def _is_whole(last: Compared | None, entries: Sequence[Entry]) -> bool:
+    """Whether the last comparison was of all sessions; a single one needs none."""
+    if len(entries) < 2:
+        return True
+    digest = hash_of_sessions(entry.sha256 for entry in entries)
+    return last is not None and not last.told and last.sessions_sha256 == digest
 
 
 def _measured(entry: Entry) -> Measured:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TypeVar
@@ -22,7 +22,7 @@ from delta_calibration.history import Dated, find_changes
 from delta_calibration.history.adding import dated, entry_of, made_of, newly, updated
 from delta_calibration.history.bags import bag_hash
 from delta_calibration.history.few import is_few
-from delta_calibration.history.ledger import Compared, Failure, hash_of_sessions
+from delta_calibration.history.ledger import Compared, Failure, compared_of
 from delta_calibration.history.store import Entry
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot, robot_from
@@ -117,17 +117,12 @@ def _examined(job: Job, work: Callable[[Path, str], _Made]) -> _Made | Failure |
 
 def compare(job: Comparison) -> Compared:
     """Find the changes of a machine between its sessions."""
-    digest = hash_of_sessions(entry.sha256 for entry in job.entries)
     try:
         robot = robot_from(job.robot.document, job.robot.given)
         found = find_changes(_days(job.entries, robot), robot, named=robot.named)
     except CalibrationError as error:
-        return Compared(job.machine, digest, (), str(error))
-    said = (
-        {**each.as_dict(), "signal": each.signal, "told": each.sentence()}
-        for each in found.changes
-    )
-    return Compared(job.machine, digest, tuple(said))
+        return replace(compared_of(job.machine, job.entries, ()), told=str(error))
+    return compared_of(job.machine, job.entries, found.changes)
 
 
 def _days(entries: Sequence[Entry], robot: Robot) -> list[Dated]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from delta_calibration.errors import DataError
 from delta_calibration.history.few import pool
 from delta_calibration.history.pooled import Dated
-from delta_calibration.history.steps import FoundSteps, Steps
+from delta_calibration.history.steps import FoundSteps, Steps, known_before
 from delta_calibration.history.walk import DIMENSION, State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.wording import figures, measured, spoken, sure
@@ -145,7 +145,8 @@ def find_changes(
     parts = found_in.parts
     causes = {effect.cause for each in ordered for effect in each.effects}
     days = days_between([each.began.timestamp() for each in ordered])
-    steps = Steps(found_in.kept, parts, frozenset(causes), tuple(days.tolist()))
+    known = known_before([each.causes for each in ordered])
+    steps = Steps(found_in.kept, parts, known, tuple(days.tolist()))
     found, walk = steps.search()
     walk = walk.stepped(each.step for each in found)
     return History(

@@ -21,7 +21,7 @@ from delta_calibration.estimation import Carried
 from delta_calibration.history.changes import Change, changes_of
 from delta_calibration.history.few import carried_of, pool, pool_near, pool_with
 from delta_calibration.history.pooled import Dated, Pool
-from delta_calibration.history.steps import FoundSteps, Steps
+from delta_calibration.history.steps import FoundSteps, Steps, known_before
 from delta_calibration.history.walk import State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
@@ -107,7 +107,8 @@ def prospect(
         whole = pool_with(whole, old, new, robot, model)
     causes = {effect.cause for each in old for effect in each.effects}
     days = days_between([each.began.timestamp() for each in every])
-    steps = Steps(whole.kept, whole.parts, frozenset(causes), tuple(days.tolist()))
+    known = known_before([each.causes for each in every])
+    steps = Steps(whole.kept, whole.parts, known, tuple(days.tolist()))
     found, walk = steps.search()
     began = [each.began for each in every]
     told = changes_of(steps, found, walk, causes, robot.named, began)

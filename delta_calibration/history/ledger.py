@@ -29,6 +29,7 @@ from sqlalchemy import (
 )
 
 from delta_calibration.estimation import PRIOR_HISTORY
+from delta_calibration.history.changes import Change
 from delta_calibration.history.store import MACHINES, SESSIONS, Entry, Store, insert_entry
 
 _NAME = 255
@@ -173,6 +174,12 @@ class Ledger:
                     told=found.told,
                 )
             )
+
+
+def compared_of(machine: str, entries: Iterable[Entry], changes: Iterable[Change]) -> Compared:
+    """The changes that were found between all these sessions of a machine, to be kept."""
+    told = ({**c.as_dict(), "signal": c.signal, "told": c.sentence()} for c in changes)
+    return Compared(machine, hash_of_sessions(entry.sha256 for entry in entries), tuple(told))
 
 
 def hash_of_sessions(hashes: Iterable[str]) -> str:

@@ -47,6 +47,11 @@ class Dated:
     survey: Survey
     effects: tuple[Effect, ...] = ()  # found by its own diagnosis
 
+    @property
+    def causes(self) -> frozenset[str]:
+        """Causes that its own diagnosis found."""
+        return frozenset(effect.cause for effect in self.effects)
+
 
 @dataclass(frozen=True)
 class Said:

@@ -16,7 +16,7 @@ the drift were learnt first, it would explain a step as drift when there are few
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,7 +58,7 @@ class Steps:
 
     kept: tuple[Kept, ...]
     parts: tuple[Part, ...]
-    known: frozenset[str] = frozenset()  # causes that a diagnosis found in the machine
+    known: tuple[frozenset[str], ...] = ()  # causes found by diagnoses before each gap; () if none
     days: tuple[float, ...] | None = None  # between sessions; None: no drift is assumed
 
     @cached_property
@@ -89,8 +89,12 @@ class Steps:
         places = len(set(names))
         gaps = len(self.parts) - 1
         share = np.array([names.count(name) / gaps for name in names])
-        known = np.array([what in self.known for what, _ in names])
+        known = np.array([self._is_known(step) for step in self.candidates])
         return np.log(_CHANGES / places / share) + np.where(known, np.log(_KNOWN), 0.0)
+
+    def _is_known(self, step: Step) -> bool:
+        """Whether a diagnosis of a session before the step's gap found its cause."""
+        return bool(self.known) and self.key(step)[0] in self.known[step.gap]
 
     def key(self, step: Step) -> tuple[str, str | None, int]:
         """Cause, location and gap of a step."""
@@ -192,6 +196,21 @@ class Steps:
         for numbers, rows in by_size([step.rows for step in self.candidates]):
             found.append((numbers, rows, np.array([self.candidates[i].gap + 1 for i in numbers])))
         return found
+
+
+def known_before(found: Sequence[Iterable[str]]) -> tuple[frozenset[str], ...]:
+    """Causes that the machine is known to have before each gap, (sessions - 1,).
+
+    Diagnoses of the sessions after a gap do not count: they use the same readings as the search
+    for its step, so that a prior from them would count these readings twice.
+
+    Args:
+        found: causes that the diagnosis of each session found, in order of time.
+    """
+    known: list[frozenset[str]] = []
+    for causes in found[:-1]:
+        known.append(frozenset(causes) | (known[-1] if known else frozenset()))
+    return tuple(known)
 
 
 def by_size(groups: Sequence[Sequence[int]]) -> list[tuple[Index, Index]]:

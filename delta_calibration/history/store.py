@@ -40,6 +40,7 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 from delta_calibration.errors import InputError
 from delta_calibration.estimation import PRIOR_HISTORY
 from delta_calibration.history.bags import bag_hash, is_there
+from delta_calibration.wording import spoken
 
 VERSION = 2
 BY_COMMAND, BY_NODE = "delta-cal history add", "calibration_node"  # programs that add sessions
@@ -108,14 +109,19 @@ class Entry:
 
     @property
     def found(self) -> str:
+        """The causes that its verdict names, as the end of a sentence."""
+        return self.named if self.verdict is None else f"found: {self.named}"
+
+    @property
+    def named(self) -> str:
         """The causes that its verdict names, in words."""
         if self.verdict is None:
             return UPDATED if self.is_update else "no causes looked for"
         named = [
-            f["cause"] + (f" at {f['location']}" if f["location"] else "")
+            spoken(f["cause"]) + (f" at {f['location']}" if f["location"] else "")
             for f in self.verdict["findings"]
         ]
-        return f"found: {', '.join(named) or 'nothing beyond geometry'}"
+        return ", ".join(named) or "nothing beyond geometry"
 
     @property
     def error_left_mm(self) -> float:

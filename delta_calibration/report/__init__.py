@@ -9,7 +9,7 @@ from delta_calibration.report.about import About, read_about
 from delta_calibration.report.certificate import Certificate
 from delta_calibration.report.certificate_page import page_of_certificate
 from delta_calibration.report.circles import circle_report
-from delta_calibration.report.dcc import write_dcc
+from delta_calibration.report.dcc import require_stated, write_dcc
 from delta_calibration.report.dcc_schema import require_valid
 from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import Report, Section, Table
@@ -57,6 +57,7 @@ __all__ = [
     "read_verdict",
     "report_of",
     "require_libraries",
+    "require_stated",
     "require_valid",
     "session_provenance",
     "write_dcc",

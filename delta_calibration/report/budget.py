@@ -154,15 +154,20 @@ def _of_certificates(examined: Examined, about: About) -> tuple[Contribution, ..
 
 
 def _of_machine(examined: Examined, seen: Parts, own: Parts) -> tuple[Contribution, ...]:
+    """Contributions of the identified machine, by this session or by the earlier calibration."""
+    earlier = ("B", "calibration")
     repeats = ("A", "repeated poses") if examined.noise.measured else ("B", "robot file")
+    repeats = earlier if examined.stated else repeats
+    residuals = earlier if examined.stated else ("A", "residuals")
+    fitted = ("A", "fit") if examined.fit is not None or examined.seen else earlier
     return (
         Contribution(
             "repeatability of the joints", *repeats, own.repeatability, own.repeatability
         ),
-        Contribution("play, side unknown", "A", "residuals", None, own.play),
+        Contribution("play, side unknown", *residuals, None, own.play),
         Contribution("frame of the tracker", "A", "fit", seen.frame, own.frame),
-        Contribution("dimensions as identified", "A", "fit", None, own.dimensions),
-        Contribution("error of the model", "A", "residuals", None, own.model),
+        Contribution("dimensions as identified", *fitted, None, own.dimensions),
+        Contribution("error of the model", *residuals, None, own.model),
     )
 
 

@@ -143,7 +143,7 @@ class Certificate:
                 "name": self.provenance.session,
                 "sha256": self.provenance.session_sha256,
                 "poses": len(examined.poses),
-                "set_aside": int(np.count_nonzero(~examined.believed)),
+                "set_aside": sum(examined.poses.rejected.counts().values()),
             },
             "calibration_sha256": self.provenance.calibration_sha256 or None,
             "errors_held_out": not examined.seen,

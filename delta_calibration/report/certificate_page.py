@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.report.about import NOT_STATED, About
+from delta_calibration.report.about import NOT_STATED, STATED, About
 from delta_calibration.report.certificate import IDENTIFIED, MM, Certificate
 from delta_calibration.report.certificate_figures import certified_figure
 from delta_calibration.report.certificate_sections import (
@@ -51,6 +51,13 @@ def page_of_certificate(certificate: Certificate) -> Report:
 
 
 def _sentence(certificate: Certificate) -> str:
+    """The decision in words, with a remark if contributions to U were not stated."""
+    missing = len(certificate.about.gaps)
+    lacks = f" U is incomplete: {missing} of {len(STATED)} contributions are {NOT_STATED}."
+    return _decided(certificate) + (lacks if missing else "")
+
+
+def _decided(certificate: Certificate) -> str:
     left = _rms(certificate.error_after)
     tolerance, decision = certificate.about.tolerance, certificate.decision
     if tolerance is None or decision is None:
@@ -91,13 +98,20 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         else "Every point is judged by a fit that does not contain it."
         if examined.fit is not None
         else f"Calibration {certificate.provenance.calibration} was made before; only the "
-        "tracker's frame is fitted to this session."
+        f"tracker's frame is fitted to this session. {_origin(examined.stated)}"
+    )
+    gaps = "; ".join(about.gaps)
+    lacking = (
+        f"U, the certified radius and the decision lack these contributions, because they were "
+        f"{NOT_STATED}: {gaps}. The true uncertainty is larger."
     )
     expired = about.expired(day(certificate.provenance.start_ns))
     warned = (*examined.doubts, *([expired] if expired else ()))
     aside = int(np.count_nonzero(~examined.believed))
     more = f" {_set_aside(aside, len(examined.poses))}" if aside else ""
     return (
+        *((Statement("Incomplete uncertainty", lacking),) if gaps else ()),
+        Statement("Number", about.text("number")),
         Statement("Machine", machine),
         Statement("Instrument", instrument),
         Statement("Operator", about.text("operator")),
@@ -105,6 +119,16 @@ def _statements(certificate: Certificate) -> tuple[Statement, ...]:
         Statement("Tolerance", _tolerance(about)),
         Statement("Errors", how + more),
         *(Statement("Warning", capital(f"{text}.")) for text in warned),
+    )
+
+
+def _origin(stated: bool) -> str:
+    """Sentence on the uncertainty of corrected positions with an earlier calibration."""
+    if stated:
+        return "Its residuals agree with the uncertainty that the calibration states."
+    return (
+        "Its residuals are larger than the calibration states; model error, play and "
+        "repeatability in the budget therefore follow from them."
     )
 
 
@@ -147,7 +171,8 @@ def _key_figures(certificate: Certificate) -> tuple[KeyFigure, ...]:
     largest = float(np.nanmax(certificate.certified))
     typical = float(np.nanmedian(certificate.certified))
     u = float(np.median(certificate.budget.of_points))
-    decision = certificate.decision
+    decision, lacks = certificate.decision, bool(certificate.about.gaps)
+    incomplete = ", as far as stated" if lacks else ""
     return (
         KeyFigure(
             "error before",
@@ -159,32 +184,41 @@ def _key_figures(certificate: Certificate) -> tuple[KeyFigure, ...]:
             "error after",
             rounded(MM * float(after.max()), MM * u),
             "mm",
-            f"largest; RMS {_rms(after)} mm; U of a point {figures(MM * u, 2)} mm",
+            f"largest; RMS {_rms(after)} mm; U of a point {figures(MM * u, 2)} mm{incomplete}",
         ),
         KeyFigure(
             "certified, 95 %",
             figures(MM * largest, 2),
             "mm",
             "largest 95 % radius of a corrected position in the region; median "
-            f"{figures(MM * typical, 2)} mm",
+            f"{figures(MM * typical, 2)} mm{'; uncertainty incomplete' if lacks else ''}",
         ),
         KeyFigure(
             "decision",
             NO_VALUE if decision is None else decision.value,
             "",
-            "no tolerance given" if decision is None else "by ISO 14253-1, including U",
+            "no tolerance given"
+            if decision is None
+            else f"by ISO 14253-1, including U{incomplete}",
         ),
     )
 
 
 def _certified(certificate: Certificate) -> Section:
     largest = MM * float(np.nanmax(certificate.certified))
+    about = certificate.about
+    stated = "; ".join(name for name in STATED if name not in about.silent)
     text = (
         f"With a probability of 95 %, a corrected position is within {figures(largest, 2)} mm of "
         "its target anywhere in the measured region, at payloads and temperatures like those of "
         "the session. This includes the uncertainty of the fit, the repeatability of the "
-        "joints, the error of the model at places it has not seen, and the stated uncertainties "
-        "of instrument and temperature.",
+        "joints, and the error of the model at places it has not seen.",
+        *((f"It includes as stated: {stated}.",) if stated else ()),
+        *(
+            (f"It does not include, because not stated: {'; '.join(about.gaps)}.",)
+            if about.gaps
+            else ()
+        ),
     )
     return Section("certified", "Certified positions", text, (), (certified_figure(certificate),))
 

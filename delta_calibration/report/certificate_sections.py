@@ -44,6 +44,7 @@ def conditions_section(certificate: Certificate) -> Section:
         ("payloads recorded", load or "none"),
         ("duration", f"{poses.duration / 60:.0f} min"),
         ("readings set aside", _aside(certificate)),
+        ("poses set aside", _poses_aside(certificate)),
     )
     return Section(
         "conditions", "Conditions", (), (Table("conditions", "", ("", ""), rows, words=(0, 1)),)
@@ -53,6 +54,12 @@ def conditions_section(certificate: Certificate) -> Section:
 def _aside(certificate: Certificate) -> str:
     counts = certificate.examined.poses.rejected.counts()
     return ", ".join(f"{n} {why}" for why, n in counts.items() if n) or "none"
+
+
+def _poses_aside(certificate: Certificate) -> str:
+    believed = certificate.examined.believed
+    count = int(np.count_nonzero(~believed))
+    return f"{count} of {len(believed)}" if count else "none"
 
 
 def _unit(about: About, unit: str, *keys: str) -> str:
@@ -85,7 +92,24 @@ def dimensions_section(certificate: Certificate) -> Section:
             words=(0, 4),
         ),
     )
-    return Section("dimensions", "Dimensions", (), tuple(t for t in tables if t.rows))
+    return Section(
+        "dimensions",
+        "Dimensions",
+        _origin_of_dimensions(certificate),
+        tuple(t for t in tables if t.rows),
+    )
+
+
+def _origin_of_dimensions(certificate: Certificate) -> tuple[str, ...]:
+    """Sentence on dimensions that this session did not determine."""
+    examined = certificate.examined
+    if examined.fit is not None or examined.seen:
+        return ()
+    said = (
+        f"Values and U are those of calibration {certificate.provenance.calibration}; this "
+        "session does not determine them anew."
+    )
+    return (said + " Its points refute that calibration." if examined.doubts else said,)
 
 
 def _dimension(d: Dimension) -> tuple[str, ...]:
@@ -188,7 +212,7 @@ def budget_section(certificate: Certificate) -> Section:
         figures(UM * float(np.sqrt(np.nanmean(radius**2))), 2)
         for radius in (budget.of_points, budget.of_corrected)
     ]
-    gaps = certificate.about.gaps
+    gaps = "; ".join(certificate.about.gaps)
     caption = (
         "Standard uncertainties along the axes of the base in µm, root mean square of all "
         "measured poses. Kind as in the GUM: A from the statistics of this session, B from "
@@ -200,7 +224,7 @@ def budget_section(certificate: Certificate) -> Section:
         caption += (
             f" ({budget.widen:.2f} times the normal radius, because held-out errors are larger)"
         )
-    text = (f"Not in the budget, because it was not stated: {', '.join(gaps)}.",) if gaps else ()
+    text = (f"Not in the budget, because it was not stated: {gaps}.",) if gaps else ()
     table = Table(
         "budget",
         "",

@@ -71,7 +71,7 @@ def dcc_of(certificate: Certificate) -> Element:
     Raises:
         InputError: the certificate lacks an entry that is mandatory in a DCC.
     """
-    _require_stated(certificate.about, certificate.examined.poses.start_ns)
+    require_stated(certificate.about, certificate.examined.poses.start_ns)
     register_namespace("dcc", DCC)
     register_namespace("si", SI)
     root = Element(
@@ -87,9 +87,19 @@ def dcc_of(certificate: Certificate) -> Element:
     return root
 
 
-def _require_stated(about: About, start_ns: int) -> None:
+def require_stated(about: About, start_ns: int | None = None) -> None:
+    """Refuse statements that lack a mandatory entry of a DCC.
+
+    Args:
+        about: the statements.
+        start_ns: begin of the session, Unix time [ns]; None if it is not known yet.
+
+    Raises:
+        InputError: an entry is missing; the message names all that are.
+    """
     missing = [words for keys, words in _MUST if about.text(*keys) == NOT_STATED]
-    if not dated(start_ns) and about.text("measured_on") == NOT_STATED:
+    undated = start_ns is not None and not dated(start_ns)
+    if undated and about.text("measured_on") == NOT_STATED:
         missing.append("measured_on (the session has no date)")
     if missing:
         raise InputError(
@@ -204,9 +214,15 @@ def _statement(statement: Element, certificate: Certificate, decision: Decision)
     _words(statement, "name", "tolerance of the 3-D error")
     _in(statement, "norm", "ISO 14253-1")
     said = f"tolerance {1e3 * (certificate.about.tolerance or 0.0):g} mm: {decision.value}. {RULE}"
-    _words(statement, "declaration", said)
+    _words(statement, "declaration", said + _lacking(certificate.about))
     if decision in _CONFORMITY:
         _in(statement, "conformity", _CONFORMITY[decision])
+
+
+def _lacking(about: About) -> str:
+    """Remark on contributions that are missing in every uncertainty; empty if there are none."""
+    gaps = "; ".join(about.gaps)
+    return f". Missing in the uncertainties, because not stated: {gaps}" if gaps else ""
 
 
 # What was measured
@@ -281,7 +297,8 @@ def _points(result: Element, certificate: Certificate) -> None:
 
 
 def _certified(result: Element, certificate: Certificate) -> None:
-    _words(result, "name", "95 % radius of corrected positions in the region")
+    name = "95 % radius of corrected positions in the region"
+    _words(result, "name", name + _lacking(certificate.about))
     rows, radius = _in(_in(result, "data"), "list"), certificate.certified
     _quantity(rows, "largest", float(np.nanmax(radius)), "m")
     _quantity(rows, "median", float(np.nanmedian(radius)), "m")

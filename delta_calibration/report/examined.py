@@ -19,12 +19,14 @@ from delta_calibration.estimation import (
     registered,
 )
 from delta_calibration.estimation.noise import Noise
-from delta_calibration.geometry import Frame, align
+from delta_calibration.geometry import Frame
 from delta_calibration.lazy import cached_property
 from delta_calibration.plans import joints_toward, tool_frames
 from delta_calibration.region import Region
+from delta_calibration.report.confirmed import Confirmed, confirmed
 from delta_calibration.robot import Robot
 from delta_calibration.uncertainty import Identified
+from delta_calibration.wording import figures
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -50,6 +52,9 @@ class Examined:
     seen: bool  # whether the identified machine was fitted to these very poses
     doubts: tuple[str, ...] = ()
     fit: Identification | None = None  # None: the machine was identified elsewhere
+    # whether model error, play and repeatability are as the earlier calibration states them; else
+    # they were estimated from the residuals of these poses
+    stated: bool = False
 
     @property
     def place(self) -> Array:
@@ -167,6 +172,9 @@ def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
 def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examined:
     """Examine poses by an earlier calibration; only the tracker's frame is fitted to them.
 
+    The uncertainty is that of the calibration unless the poses refute it; then its model error,
+    play and repeatability are estimated from the residuals of the poses.
+
     Args:
         calibration: calibration with the uncertainty of its positions.
         poses: measured poses.
@@ -186,21 +194,34 @@ def examined_by(calibration: Calibration, poses: Poses, robot: Robot) -> Examine
     start = registered(problem)
     drawn = problem.chain.split(start.theta)[2].rotation
     before = (problem.y - problem.chain.predict(at, start.theta)) @ drawn
-    inside = calibration.frame.inverse().apply(chain.predict(at, calibration.theta))
-    if not np.isfinite(inside).all():
-        raise DataError(f"{poses.source}: poses out of reach of the calibrated machine")
-    frame = align(inside, poses.point)
-    after = frame.inverse().apply(poses.point) - inside
+    seen = calibration.measured == poses.digest  # its uncertainty is by these very residuals
+    held = confirmed(identified if seen else identified.later, poses, noise, robot)
     return Examined(
         robot,
         poses,
-        identified,
+        identified if seen else held.identified,
         noise,
         calibration.region,
         (calibration.joints_lower, calibration.joints_upper),
         tool_frames(robot, poses.command)[0],
         before,
-        after,
+        held.after,
         np.ones(len(poses), dtype=bool),
-        seen=calibration.measured == poses.digest,
+        seen=seen,
+        doubts=(_refuted(held),) if held.refuted and not seen else (),
+        stated=held.stated and not seen,
+    )
+
+
+def _refuted(held: Confirmed) -> str:
+    """Sentence on a calibration that the session refutes."""
+    found, told = (
+        figures(1e3 * value, 2)
+        for value in (float(np.sqrt(np.mean(np.sum(held.after**2, axis=1)))), held.expected)
+    )
+    return (
+        f"this session refutes the uncertainty of the calibration: its points miss by {found} mm "
+        f"RMS, {told} mm follow from the calibration. The certified radius and the budget are "
+        "therefore by the residuals of this session; the machine may have changed since, so "
+        "calibrate it again"
     )

@@ -59,7 +59,7 @@ def page_of_fleet(
     """
     of, visits = Counter(each.state for each in fleet), first_visits(fleet)
     return Report(
-        title=f"Fleet of {len(fleet)} machines",
+        title=f"Fleet of {_count(len(fleet))}",
         subtitle=f"{sum(each.sessions for each in fleet)} sessions; as of {day:%Y-%m-%d}",
         sentence=_sentence(of, len(fleet)),
         statements=(
@@ -86,7 +86,7 @@ def page_of_fleet(
             Section(
                 "machines",
                 "All machines",
-                (f"Lately means within {lately_days} days.",),
+                (f"Lately means within {lately_days} days.", _EXCLUSIVE),
                 tables=(_all(fleet), *_failed(fleet, never)),
             ),
         ),
@@ -111,9 +111,9 @@ def page_of_fleet(
 
 _MEANING = {
     UNKNOWN: "no verdict, or structure without a cause",
-    DRIFTED: "something changed between sessions",
-    CAUSE: "a cause beyond the dimensions",
-    STALE: "last session too long ago",
+    DRIFTED: "something changed between sessions lately, and not unknown",
+    CAUSE: "a cause beyond the dimensions, and neither of these",
+    STALE: "last session too long ago, and none of these",
 }
 _COUNTED = {
     UNKNOWN: "of unknown state",
@@ -121,6 +121,10 @@ _COUNTED = {
     CAUSE: "with a cause",
     STALE: "not measured lately",
 }
+_EXCLUSIVE = (
+    f"A machine counts once, in the first state that applies: {', '.join(STATES)}. What else is "
+    'true of it follows after "also:" in its reason.'
+)
 _AT_STAKE = (
     "At stake: the error that a visit can remove. It is the error of the calibrated model in "
     "excess of the extended model, or the displacement of the tool by a change. Machines with "
@@ -137,7 +141,11 @@ def _sentence(of: Counter[str], machines: int) -> str:
     fine = of[FINE]
     others = [f"{of[state]} {told}" for state, told in _COUNTED.items() if of[state]]
     rest = f"; {listed(others)}" if others else ""
-    return f"{fine} of {machines} machines {'is' if fine == 1 else 'are'} fine{rest}."
+    return f"{fine} of {_count(machines)} {'is' if 1 in (fine, machines) else 'are'} fine{rest}."
+
+
+def _count(machines: int) -> str:
+    return f"{machines} machine{'' if machines == 1 else 's'}"
 
 
 def _first(visits: Sequence[Standing]) -> str:
@@ -211,6 +219,7 @@ def _frequent(fleet: Sequence[Standing]) -> tuple[Table, ...]:
 def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
     """Figure of the error left of each machine's last session over its age, by state."""
     every, marks = [each.error_left_mm for each in fleet], []
+    ages = [(day - each.last).total_seconds() / 86400 for each in fleet]
     for state, symbol in zip(STATES, SYMBOLS, strict=True):
         here = [each for each in fleet if each.state == state]
         if here:
@@ -220,13 +229,20 @@ def _errors(fleet: Sequence[Standing], day: datetime) -> Figure:
             marks.append(Points(state, age, error, _COLOUR[state], symbol, 6.0, told=told))
     panel = Panel(
         "",
-        Axis("days since the last session", low=0.0),
-        Axis("error left [mm]", log=max(every) > _WIDE * min(every)),
+        Axis("days since the last session", low=0.0, high=max(1.0, 1.1 * max(ages))),
+        _error_axis(every),
         tuple(marks),
         tall=1.2,
     )
     caption = "One point per machine: the error that the model of its last session leaves."
     return Figure("errors", "Machines by state", caption, (panel,), columns=1)
+
+
+def _error_axis(every: Sequence[float]) -> Axis:
+    """Axis of errors left [mm]: from zero, or logarithmic if they differ much."""
+    if max(every) > _WIDE * min(every):
+        return Axis("error left [mm]", log=True)
+    return Axis("error left [mm]", low=0.0, high=1.2 * max(every))
 
 
 def _all(fleet: Sequence[Standing]) -> Table:

@@ -114,6 +114,15 @@ TERMS: tuple[tuple[str, str], ...] = (
         ),
     ),
     (
+        "±",
+        (
+            "Standard deviation (k = 1) of the value before it, unless an interval of 95 % is "
+            "named. On the console it is written +-. A certificate states U instead: k = 2 for "
+            "dimensions, 95 % for positions. Where no value stands before it (RD of ISO 9283, "
+            "the height of a shape), it is a deviation to either side."
+        ),
+    ),
+    (
         "p",
         (
             "Probability of an equally strong signal by chance, multiplied by the number of "

@@ -40,6 +40,7 @@ class Provenance:
     recorded: Mapping[str, str] = field(default_factory=dict)  # metadata of the session
     notes: tuple[str, ...] = ()
     made_ns: int | None = None  # Unix time of the report [ns]
+    seeded: str = "diagnosis"  # what the seed was used for; empty: for nothing
 
     def table(self) -> Table:
         """Table of the provenance."""
@@ -49,7 +50,7 @@ class Provenance:
             ("session, SHA-256", self.session_sha256),
             ("robot", f"{self.robot} ({self.robot_source})"),
             ("robot, SHA-256", self.robot_sha256),
-            ("seed of the diagnosis", str(self.seed)),
+            *([(f"seed of the {self.seeded}", str(self.seed))] if self.seeded else ()),
             ("delta_calibration", __version__),
             ("Python", platform.python_version()),
             *((name, version(name)) for name in _LIBRARIES),
@@ -78,8 +79,18 @@ def session_provenance(
     seed: int,
     recorded: Mapping[str, str],
     calibration: Calibration | None = None,
+    seeded: str = "diagnosis",
 ) -> Provenance:
     """Make the provenance of a recorded session.
+
+    Args:
+        session: its folder or file.
+        poses: measured in it.
+        robot: drawing of the machine.
+        seed: of random numbers.
+        recorded: metadata of the session.
+        calibration: that the session is held against.
+        seeded: what the seed was used for; empty if for nothing.
 
     Raises:
         RecordingError: a file of the session cannot be read.
@@ -97,6 +108,7 @@ def session_provenance(
         recorded=dict(recorded),
         notes=poses.notes,
         made_ns=time.time_ns(),
+        seeded=seeded,
     )
 
 
