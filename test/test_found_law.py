@@ -21,7 +21,7 @@ from delta_calibration.diagnosis import judge as judgement
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.law_grammar import Grammar
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
-from delta_calibration.diagnosis.law_search import signals_of
+from delta_calibration.diagnosis.law_search import likely_laws, signals_of
 from delta_calibration.diagnosis.verdict import FoundEquation
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.catalogue import effect_named
@@ -34,8 +34,10 @@ from delta_calibration.effects.found_law import (
 )
 from delta_calibration.errors import InputError
 from delta_calibration.export.effect_file import effect_file, require_effect_name
+from delta_calibration.plans import make_plan
 from delta_calibration.report.verdict_file import verdict_of
 from delta_calibration.robot import load_robot
+from delta_calibration.simulation import draw_machine, simulate_session
 from study.judge import judge
 from study.trials import Task
 from trial_bench import trial
@@ -98,6 +100,24 @@ def test_a_law_in_another_shape_is_what_all_together_are(start, number: int) -> 
         np.testing.assert_allclose(found.value, expected.value, rtol=1e-6)
         largest = np.abs(expected.information).max()
         np.testing.assert_allclose(found.information, expected.information, atol=1e-9 * largest)
+
+
+def test_a_line_of_a_joint_that_works_far_from_zero_counts_from_its_middle() -> None:
+    """A leaning column: through a distant zero only a curve of another slope fits."""
+    robot = load_robot("five_axis")
+    session = simulate_session(draw_machine(robot, 5), make_plan("identify", robot, seed=5), 5)
+    evidence = calibrated(survey(session, robot.joints.names, 0.3), robot).evidence
+    row = evidence.chain.mechanism.parameters.names.index("slider_y_2")
+    height = evidence.at.joint[:, 1]
+    lean = 4e-4 * (height - height.mean())
+    off = evidence.residual + evidence.by_geometry[:, :, row] * lean[:, None]
+    any_effect = catalogue(robot, evidence.chain.mechanism)[0]
+    rng = np.random.default_rng(5)
+    found = likely_laws(replace(evidence, residual=off), robot, any_effect, rng)
+    law, case = found[0].guess.parts[0], found[0].guess.case
+    assert (law.targets[0].part, law.of.name, law.function) == ("slider_y_2", "q", "line")
+    assert law.middle == pytest.approx((height.min() + height.max()) / 2, abs=1e-3)
+    assert case.value * case.size == pytest.approx([4e-4], rel=0.1)
 
 
 def test_a_law_goes_into_a_file_and_comes_back(start) -> None:

@@ -49,6 +49,8 @@ _FARTHEST = 50.0  # tolerances; a dimension that needs more to show carries no l
 _COORDINATES = 3
 _MOVED = 1e-9  # least change of a quantity, in its unit
 
+_OF_POWERS = ("line", "quadratic", "cubic")
+
 PLATFORM, BASE, TRACKER = "platform", "base", "tracker"
 _AXES = ("x", "y", "z")
 
@@ -144,10 +146,25 @@ class Grammar:
             function.bearing,
             searched=function.searched,
         )
-        yield law
+        yield replace(law, middle=self._origin(law))
         if len(targets) > 1:
             for target in targets:
-                yield replace(law, targets=(target,))
+                alone = replace(law, targets=(target,))
+                yield replace(alone, middle=self._origin(alone))
+
+    def _origin(self, law: FoundLaw) -> float:
+        """Value from which a power counts: the middle of a joint's readings if zero is far off.
+
+        A line through a distant zero would need a constant as well, which the tolerances forbid.
+        """
+        joints = self._joints
+        if law.of.name != "q" or law.by is not None or law.function not in _OF_POWERS:
+            return law.middle
+        own = [law.of.number(target.joint, joints) for target in law.targets]
+        values = self.signals.of(law.of.signals[0])[:, own]
+        low, high = float(values.min()), float(values.max())
+        middle = (low + high) / 2
+        return round(middle, 3) if abs(middle) > high - low else law.middle
 
     # --- quantities and functions --------------------------------------------------------------
 

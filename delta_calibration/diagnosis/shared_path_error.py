@@ -114,10 +114,9 @@ class SharedPathError:
     @cached_property
     def _together(self) -> tuple[Index, Array, Array]:
         """All blocks: of each first coordinate, one behind the last, and r; B and S, flattened."""
-        blocks = self._blocks
-        spans = [(at.start, at.stop, own.shape[1]) for at, own, _ in blocks]
-        flat = (np.concatenate([np.zeros(0), *(b[k].ravel() for b in blocks)]) for k in (1, 2))
-        own, root = flat
+        spans = [(at.start, at.stop, own.shape[1]) for at, own, _ in self._blocks]
+        own = np.concatenate([np.zeros(0), *(own.ravel() for _, own, _ in self._blocks)])
+        root = np.concatenate([np.zeros(0), *(root.ravel() for _, _, root in self._blocks)])
         return np.array(spans, dtype=np.int64).reshape(-1, 3), own, root
 
     def seen(self, x: Array) -> Array:
