@@ -11,7 +11,7 @@ from blind import hide
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.data import Survey, at_rest, collect, survey
-from delta_calibration.diagnosis import Verdict, calibrated, diagnose
+from delta_calibration.diagnosis import Verdict, calibrated, diagnose, judge
 from delta_calibration.diagnosis.candidates import Candidate, maps
 from delta_calibration.diagnosis.findings import HeldOutModels
 from delta_calibration.diagnosis.identifiability import _too_small
@@ -52,6 +52,20 @@ def clean() -> Survey:
 @pytest.fixture(scope="module")
 def start(clean):
     return calibrated(clean, ROBOT)
+
+
+# What is not stated is not in the model
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_map_is_in_the_extended_model_only_if_structure_is_stated(monkeypatch, stated) -> None:
+    if not stated:  # as if all tests were just above their threshold
+        monkeypatch.setattr(judge, "shown", lambda tests: [])
+    trial = hide({"unknown:bump": 1.0}, 5)
+    found = diagnose(survey(trial.session, ROBOT.joints.names), ROBOT, seed=5).verdict
+    assert found.unknown_structure.found == stated
+    assert ("unexplained" in found.extended.model) == stated
+    assert (found.extended != found.calibrated) == stated
 
 
 # A model that predicts worse is not shipped

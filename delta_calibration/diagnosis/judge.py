@@ -122,6 +122,12 @@ def judged(
     left = _audited(found.model, rng)
     doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
     unknown = _unknown(found, sought.model, left, aside, doubtful)
+    if not unknown.found and len(findings) < len(terms):  # a map that is not stated is not used
+        plain = _plain(found.model).rested() if findings else start
+        found, held = replace(found, model=plain), HeldOutModels(plain)
+        said = {m: f for m, f in said.items() if not m.unexplained}
+        left = _audited(plain, rng)
+        unknown = _unknown(found, plain, left, aside, doubtful)
     laws: tuple[Likely, ...] = ()
     if unknown.found:
         laws, equations = _laws(found.model, effects[0], rng)
