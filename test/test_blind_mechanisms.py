@@ -168,7 +168,7 @@ def test_a_hidden_cause_of_another_machine_is_named(
 
 @pytest.mark.slow
 def test_a_cause_beside_a_thousand_times_stronger_one_of_another_kind_is_named():
-    """What a strong cause leaves may be its own error, but not if it varies with something else."""
+    """What a strong cause leaves may be its own error, unless it varies with something else."""
     hidden = (("joint_lag", 3e5), ("backlash", 500.0))
     said = judge(Task("test", 7, hidden, robot="scara").key)
     assert {f["cause"] for f in said["findings"]} == {"joint_lag", "backlash"}

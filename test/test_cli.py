@@ -242,7 +242,7 @@ def test_bag_of_another_robot(tmp_path, capsys):
     write_session(tmp_path / "names", session_of(("axis_a", "axis_b", "axis_c")), {})
     line = line_of_error(capsys, ["fit", str(tmp_path / "names"), "--robot", ROBOT], 2)
     assert "axis_a, axis_b, axis_c" in line
-    assert "another robot" in line
+    assert "wrong robot" in line
     write_session(tmp_path / "shape", session_of(("joint_1", "joint_2", "joint_3")), {})
     for verb in ("fit", "diagnose"):
         line = line_of_error(capsys, [verb, str(tmp_path / "shape"), "--robot", ROBOT], 1)
