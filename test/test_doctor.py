@@ -14,9 +14,10 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cell.calibration_session import CalibrationSession, Settings
 from delta_calibration.cell.health import Level
 from delta_calibration.cli.main import run
-from delta_calibration.data import Session
-from delta_calibration.doctor import check
+from delta_calibration.data import JointStream, Session, TrackerStream, collect
+from delta_calibration.doctor import check, whole
 from delta_calibration.doctor.clocks import Motion, _late
+from delta_calibration.doctor.steps import Fitted, Offset
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
 from delta_calibration.plans import make_plan
@@ -174,7 +175,7 @@ def test_the_command_names_and_mends(tmp_path: Path, capsys: pytest.CaptureFixtu
     session, found, mended = late_session(tmp_path), tmp_path / "check.json", tmp_path / "mended"
     robot = ["--robot", "linear_delta"]
     assert run(["check", str(session), *robot, "--json", str(found), "--fix", str(mended)]) == 1
-    assert "clock_offset in tracker" in capsys.readouterr().out
+    assert "clock offset in tracker" in capsys.readouterr().out
     data = json.loads(found.read_text())
     check_document(data, load_schema("check"), "check.json")
     assert [one["mistake"] for one in data["found"]] == ["clock_offset"]
@@ -183,7 +184,7 @@ def test_the_command_names_and_mends(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert json.loads(found.read_text()) == {"schema": 1, "found": []}
     late = stamps(session)
     assert np.abs(late - stamps(mended) - 3.0).max() < 0.05
-    assert "clock_offset in tracker" in read_session(mended).metadata["mended"]
+    assert "clock offset in tracker" in read_session(mended).metadata["mended"]
 
 
 def stamps(session: Path) -> np.ndarray:
@@ -210,7 +211,7 @@ def test_no_calibration_is_written_over_a_mistake(
     words = [verb, str(session), "--robot", "linear_delta", "--out", str(out)]
     assert run(words) == 1
     said = capsys.readouterr()
-    assert "warning: clock_offset in tracker" in said.out
+    assert "warning: clock offset in tracker" in said.out
     assert "--force" in said.err
     assert not out.exists()
 
@@ -225,7 +226,7 @@ def test_fix_is_not_promised_where_nothing_explains_the_session(
     out = tmp_path / "calibration.yaml"
     assert run(["fit", str(tmp_path / "flat"), "--robot", "linear_delta", "--out", str(out)]) == 1
     said = capsys.readouterr().err
-    assert "with wrong_robot: `delta-cal check` explains it; --force" in said
+    assert "with a mistake (wrong robot): `delta-cal check` explains it; --force" in said
     assert not out.exists()
 
 
@@ -280,11 +281,11 @@ def captured(desk: CalibrationSession, session: Session) -> None:
 def test_a_cell_fits_nothing_over_a_mistake_and_says_so(tmp_path: Path) -> None:
     case, desk = case_of("linear_delta"), CalibrationSession(Settings("linear_delta"))
     captured(desk, stamped(case.session, "tracker", lambda t: t + 3.0))
-    with pytest.raises(MistakeError, match="clock_offset in tracker"):
+    with pytest.raises(MistakeError, match="clock offset in tracker"):
         desk.prepare_fit()()
     health = desk.health(0.0, 1.0)
     assert health.level is Level.WARN
-    assert "not fitted: clock_offset in tracker" in health.message
+    assert "not fitted: clock offset in tracker" in health.message
     with pytest.raises(MistakeError, match="nothing to save"):
         desk.save(str(tmp_path / "calibration.yaml"))
     captured(desk, case.session)
@@ -304,13 +305,13 @@ def test_the_mistake_that_somebody_knows_is_the_one_that_is_mended(
     mended = ["--fix", str(tmp_path / "mended"), "--prefer", "joints_swapped"]
     assert run([*arguments, *mended]) == 1
     said = capsys.readouterr().out
-    assert said.startswith("joints_swapped in joint_command (joint_1, joint_2)")
-    assert "corrected there: joints_swapped in joint_command; joints_swapped in joint_st" in said
+    assert said.startswith("joints swapped in joint command (joint_1, joint_2)")
+    assert "corrected there: joints swapped in joint command; joints swapped in joint st" in said
     now = read_session(tmp_path / "mended")
     np.testing.assert_array_equal(now.command.position, case.session.command.position)
     np.testing.assert_array_equal(now.tracker.position, case.session.tracker.position)
-    assert run([*arguments, "--prefer", "joint_offset"]) == 2
-    assert "not found in the session; found: frame_mirrored" in capsys.readouterr().err
+    assert run([*arguments, "--prefer", "joint offset"]) == 2
+    assert "'joint offset': not found in the session; found: frame mir" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("own", "given"), [("srbd", "scara"), ("ur10", "srbd")])
@@ -319,6 +320,18 @@ def test_the_right_robot_may_have_more_joints(own: str, given: str) -> None:
     case = clean_case(own, 12)
     (found,) = check(case.session, load_robot(given)).found
     assert (found.mistake, found.mend) == ("wrong_robot", f"`--robot {own}`")
+
+
+@pytest.mark.parametrize("verb", ["fit", "diagnose"])
+def test_a_session_without_the_robots_joints_is_refused_by_one_message(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_session(tmp_path / "session", clean_case("srbd", 12).session)
+    assert run([verb, str(tmp_path / "session"), "--robot", "ur10", "--force"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith(f"delta-cal: {tmp_path / 'session'}: wrong robot in robot file (ur")
+    assert told.err.count("\n") == 1
 
 
 def test_stops_at_equal_intervals_do_not_shift_a_clock():
@@ -355,3 +368,92 @@ def test_a_tracker_that_freezes_is_told_and_no_other_robot():
         f"{len(seen) - begin - 1} of {len(seen)} tracker readings repeat a frozen value and are "
         "left out",
     )
+
+
+# A few exchanged rows
+
+
+@cache
+def table_of(name: str) -> Session:
+    """A session as a table has it: one row for each stop, 5 s apart."""
+    case = case_of(name)
+    joints_of = case.robot.joints
+    poses = collect(case.session, joints_of.names, case.robot.commanded.joint_size)
+    stamp = np.arange(len(poses), dtype=np.int64) * 5_000_000_000
+    return replace(
+        case.session,
+        command=JointStream(stamp, joints_of.names, poses.joint),
+        states=None,
+        tracker=TrackerStream(stamp, poses.point),
+    )
+
+
+def exchanged(session: Session, pairs: int, seed: int = 0) -> tuple[Session, list[int]]:
+    """The points of some pairs of neighbouring rows exchanged, and the first row of each pair."""
+    point = session.tracker.position.copy()
+    apart = np.linalg.norm(np.diff(point, axis=0), axis=1) > 0.02
+    begins = [k for k in range(1, len(apart), 3) if apart[k]]
+    chosen = np.random.default_rng(seed).choice(begins, pairs, replace=False)
+    for k in chosen:
+        point[[k, k + 1]] = point[[k + 1, k]]
+    tracker = replace(session.tracker, position=point)
+    return replace(session, tracker=tracker), sorted(chosen.tolist())
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 4])
+@pytest.mark.parametrize("robot", ["ur10", "linear_delta", "scara", "five_axis"])
+def test_a_few_exchanged_rows_are_told_and_no_mistake(robot: str, pairs: int) -> None:
+    made, begins = exchanged(table_of(robot), pairs)
+    checked = check(made, case_of(robot).robot)
+    assert checked.found == ()
+    (note,) = checked.notes
+    assert "of neighbouring stops seem exchanged" in note
+    for k in begins:
+        assert f"{5.0 * k:.1f} and {5.0 * (k + 1):.1f} s" in note
+
+
+@pytest.mark.parametrize(
+    ("robot", "value", "within"),
+    [
+        ("ur10", 0.03, 1e-3),
+        ("ur10", 0.5, 2e-3),
+        ("scara", -0.05, 3e-3),
+        ("srbd", 0.1, 3e-3),
+        ("linear_delta", 0.02, 2e-3),
+    ],
+)
+def test_an_offset_is_found_beside_exchanged_rows(robot: str, value: float, within: float) -> None:
+    """With its value, in rad or m."""
+    case = case_of(robot)
+    other = joints(table_of(robot), BOTH, lambda q: q + value * np.eye(case.joints)[1])
+    (found,) = check(exchanged(other, 2)[0], case.robot).found
+    assert (found.mistake, found.part) == ("joint_offset", case.robot.joints.names[1])
+    assert found.value == pytest.approx(value, abs=within)
+
+
+@pytest.mark.parametrize("robot", ["ur10", "cdpr8"])
+def test_a_moved_tracker_is_found_beside_exchanged_rows(robot: str) -> None:
+    point = table_of(robot).tracker.position.copy()
+    point[70:] += [0.003, 0.004, 0.0]
+    moved = replace(table_of(robot), tracker=replace(table_of(robot).tracker, position=point))
+    found = check(exchanged(moved, 3)[0], case_of(robot).robot).found
+    assert found[0].mistake == "tracker_moved"
+    assert found[0].part.startswith("5.0")
+    assert found[0].value == pytest.approx(347.5)
+
+
+def test_an_offset_beyond_half_a_turn_or_the_range_is_not_possible() -> None:
+    for robot, most in (("ur10", np.pi), ("linear_delta", 0.45), ("cdpr8", 698.0)):
+        for share, possible in ((0.99, True), (1.01, False)):
+            offset = Offset(1, -share * most, 1e6, 0.0)
+            assert whole._possible(load_robot(robot), offset) is possible
+
+
+def test_an_offset_that_a_second_fit_does_not_confirm_is_none() -> None:
+    case = case_of("scara")
+    names, size = case.robot.joints.names, case.robot.commanded.joint_size
+    fitted = Fitted(collect(case.session, names, size), case.robot)
+    assert not whole._holds(fitted, Offset(1, 0.05, 1e4, 0.0))
+    other = joints(case.session, BOTH, lambda q: q + np.array([0.0, 0.05]))
+    fitted = Fitted(collect(other, names, size), case.robot)
+    assert whole._holds(fitted, fitted.offset())

@@ -2,7 +2,8 @@
 
 The model is fitted to the poses with everything free, then linearised. A step of the tracker's
 frame or of the reflector's offset at every time between two poses, and an offset of every joint,
-are fitted to the residuals. What machine and frame can imitate is projected out:
+are fitted to the residuals. Gross errors are left out. What machine and frame can imitate is
+projected out:
 
     min |b - A dz - C v|^2,   gain of v = h' G^-1 h,   h = C' b_r,   G = C' C - (Q' C)' (Q' C)
 
@@ -29,6 +30,7 @@ from delta_calibration.estimation import (
     spread_of,
 )
 from delta_calibration.geometry import Frame, rotations
+from delta_calibration.lazy import cached_property
 from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
@@ -36,6 +38,8 @@ Array = NDArray[np.float64]
 FEWEST = 20  # poses of a fit
 _EDGE = 4  # poses on either side of a step
 _SETTLING, _SETTLED = 6, 3e-6  # most iterations; [m] a smaller change ends them
+_BULK = 4.0  # standard deviations up to which a pose tells whether a correction holds
+_GROSS = 12.0  # standard deviations from which a pose is a gross error
 _SEEN = 1e-10  # relative eigenvalue below which a direction is taken as not identifiable
 
 
@@ -60,43 +64,16 @@ class Offset:
     second: float  # gain of the next best joint
 
 
-class Fitted:
-    """Poses with the linearised fit of the whole machine."""
+@dataclass(frozen=True)
+class _Rows:
+    """Whitened residuals of n poses without what machine and frame can imitate."""
 
-    def __init__(self, poses: Poses, robot: Robot) -> None:
-        """Fit; raises what `prepare` and `solve` raise."""
-        self.poses, self.robot = poses, robot
-        chain = chain_of(robot)
-        _, _, problem = prepare(poses, robot, chain)
-        self.problem: Problem = problem
-        self.solution: Solution = solve(problem)
-        self.used = _not_alone(self.solution.weight)
-        self.spread = spread_of(self.solution.residual)
-        residual = self.solution.residual[self.used]
-        slope = self.solution.at.slope[self.used]
-        known = problem.expected
-        rows = np.concatenate([slope.reshape(-1, slope.shape[-1]) / self.spread, np.diag(known)])
-        right = np.concatenate([residual.reshape(-1) / self.spread, -known * self.solution.z])
-        basis = np.linalg.qr(rows)[0]
-        left = right - basis @ (basis.T @ right)
-        n = len(residual)
-        self.basis = basis[: 3 * n].reshape(n, 3, -1)
-        self.left = left[: 3 * n].reshape(n, 3)
-        self.whiten = problem.whiten[self.used] / self.spread
-        self.total = float(left @ left)
+    basis: Array  # (n, 3, r) orthonormal, of what they can imitate
+    left: Array  # (n, 3)
+    whiten: Array  # (n, 3, 3) [1/m]
+    total: float  # chi square
 
-    @property
-    def geometry(self) -> Array:
-        """Fitted geometry of the mechanism, (p,)."""
-        return self.problem.chain.split(self.solution.theta)[0]
-
-    @property
-    def typical(self) -> float:
-        """Median residual distance [m]."""
-        missed = np.linalg.solve(self.problem.whiten, self.solution.residual[..., None])
-        return float(np.median(np.linalg.norm(missed[..., 0], axis=1)))
-
-    def _gains(self, columns: Array, steps: bool) -> tuple[Array, Array, Array]:
+    def gains(self, columns: Array, steps: bool) -> tuple[Array, Array, Array]:
         """Gain (k,), values (k, v) and their information (k, v, v) for columns (n, 3, v).
 
         With `steps`, for a step at each pose: the columns act from that pose on (k = n); otherwise
@@ -121,6 +98,37 @@ class Fitted:
         estimate = np.einsum("kvw,kw->kv", vectors, solved) / scale
         return gain, estimate, info * (scale[:, :, None] * scale[:, None, :])
 
+
+class Fitted:
+    """Poses with the linearised fit of the whole machine."""
+
+    def __init__(self, poses: Poses, robot: Robot) -> None:
+        """Fit; raises what `prepare` and `solve` raise."""
+        self.poses, self.robot = poses, robot
+        chain = chain_of(robot)
+        _, _, problem = prepare(poses, robot, chain)
+        self.problem: Problem = problem
+        self.solution: Solution = solve(problem)
+        self.used = _without_few(self.solution.weight)
+        self.spread = spread_of(self.solution.residual)
+        self.rows = _rows(self.solution, self.spread, self.used.astype(float))
+
+    @property
+    def geometry(self) -> Array:
+        """Fitted geometry of the mechanism, (p,)."""
+        return self.problem.chain.split(self.solution.theta)[0]
+
+    @property
+    def typical(self) -> float:
+        """Median residual distance [m]."""
+        return float(np.median(np.linalg.norm(self._missed, axis=1)))
+
+    @cached_property
+    def _missed(self) -> Array:
+        """Measured less predicted, (n, 3) [m]."""
+        missed = np.linalg.solve(self.problem.whiten, self.solution.residual[..., None])
+        return np.asarray(missed[..., 0])
+
     def step(self, first: int | None = None) -> Step:
         """Likeliest step of the tracker, or the step at pose `first` (of all poses), if given."""
         point = self.poses.point[self.used]
@@ -129,7 +137,7 @@ class Fitted:
         columns = np.concatenate(
             [-rotations.skew(point - centre), np.broadcast_to(np.eye(3), (n, 3, 3))], axis=2
         )
-        gain, values, info = self._gains(columns, True)
+        gain, values, info = self.rows.gains(columns, True)
         rows = np.flatnonzero(self.used)
         if first is None:
             best = _EDGE + int(np.argmax(gain[_EDGE : n - _EDGE + 1]))
@@ -138,8 +146,8 @@ class Fitted:
         turn, shift = values[best][:3], values[best][3:]
         moved = columns[best:] @ values[best]
         covariance = np.linalg.pinv(info[best])[:3, :3]
-        left = max(self.total - float(gain[best]), 0.0) / max(self.total, 1e-12)
-        noise = max(left * self.total / max(3 * n - self.basis.shape[2], 1), 1e-12)
+        left = max(self.rows.total - float(gain[best]), 0.0) / max(self.rows.total, 1e-12)
+        noise = max(left * self.rows.total / max(3 * n - self.rows.basis.shape[2], 1), 1e-12)
         turn_std = float(np.sqrt(noise * np.trace(covariance) / 3))
         rotation = rotations.exp(turn)
         return Step(
@@ -157,25 +165,58 @@ class Fitted:
         """
         turned = self.problem.chain.mechanism.rotation(self.solution.pose)[self.used]
         frame = self.problem.chain.split(self.solution.theta)[2]
-        gain, values, _ = self._gains(frame.rotation @ turned, True)
+        gain, values, _ = self.rows.gains(frame.rotation @ turned, True)
         rows, n = np.flatnonzero(self.used), int(self.used.sum())
         if first is None:
             best = _EDGE + int(np.argmax(gain[_EDGE : n - _EDGE + 1]))
         else:
             best = int(np.searchsorted(rows, first))
-        left = max(self.total - float(gain[best]), 0.0) / max(self.total, 1e-12)
+        left = max(self.rows.total - float(gain[best]), 0.0) / max(self.rows.total, 1e-12)
         return int(rows[best]), left, values[best]
 
     def offset(self) -> Offset:
-        """The joint offset with the largest gain."""
+        """The joint offset with the largest gain, by the weights of the robust loss."""
+        weight = self.solution.weight
+        rows = _rows(self.solution, self.spread, weight)
         seen = self.problem.chain.see(
             self.problem.at, self.solution.theta, self.solution.pose
-        ).by_joints[self.used]
-        found = [self._gains(seen[:, :, [j]], False) for j in range(seen.shape[2])]
+        ).by_joints[weight > 0]
+        found = [rows.gains(seen[:, :, [j]], False) for j in range(seen.shape[2])]
         gains = np.array([gain[0] for gain, _, _ in found])
         best = int(np.argmax(gains))
         second = float(np.sort(gains)[-2]) if len(gains) > 1 else 0.0
         return Offset(best, -float(found[best][1][0, 0]), float(gains[best]), second)
+
+    def without(self, offset: Offset) -> Fitted:
+        """Fit of the poses with a joint's offset undone; raises what `Fitted` raises."""
+        joint = self.poses.joint.copy()
+        joint[:, offset.joint] -= offset.value
+        return Fitted(replace(self.poses, joint=joint), self.robot)
+
+    def exchanged(self) -> tuple[int, ...]:
+        """First of each two neighbouring poses that are gross errors unless they are exchanged."""
+        out, found = self.solution.weight == 0, []
+        predicted = self.poses.point - self._missed
+        for k in np.flatnonzero(out[:-1] & out[1:]).tolist():
+            pair = slice(k, k + 2)
+            missed = self.poses.point[pair][::-1] - predicted[pair]
+            away = np.linalg.norm((self.problem.whiten[pair] @ missed[..., None])[..., 0], axis=1)
+            if away.max() < _GROSS * self.spread:
+                found.append(k)
+        return tuple(found)
+
+    def lowered(self, other: Fitted) -> float:
+        """Chi square of this fit less that of another of the same poses, priors included.
+
+        A pose counts up to 4 standard deviations of this fit: a few gross errors decide nothing.
+        """
+        return self._chi_square(self) - self._chi_square(other)
+
+    def _chi_square(self, fit: Fitted) -> float:
+        missed = self.problem.whiten @ fit._missed[..., None]
+        away = np.linalg.norm(missed[..., 0], axis=1) / self.spread
+        told = fit.problem.expected @ fit.solution.z**2
+        return float(np.sum(np.minimum(away, _BULK) ** 2) + told)
 
 
 @dataclass(frozen=True)
@@ -235,13 +276,35 @@ def shifted_back(
     return replace(poses, point=point)
 
 
+def _rows(solution: Solution, spread: float, weight: Array) -> _Rows:
+    """Rows of the linearised fit of the poses whose weight (n,) is not 0."""
+    used, problem = weight > 0, solution.problem
+    root = np.sqrt(weight[used]) / spread
+    residual = root[:, None] * solution.residual[used]
+    slope = root[:, None, None] * solution.at.slope[used]
+    known, n = problem.expected, len(residual)
+    rows = np.concatenate([slope.reshape(3 * n, -1), np.diag(known)])
+    right = np.concatenate([residual.reshape(-1), -known * solution.z])
+    basis = np.linalg.qr(rows)[0]
+    left = right - basis @ (basis.T @ right)
+    return _Rows(
+        basis[: 3 * n].reshape(n, 3, -1),
+        left[: 3 * n].reshape(n, 3),
+        root[:, None, None] * problem.whiten[used],
+        float(left @ left),
+    )
+
+
 def _behind(values: Array) -> Array:
     """Cumulative sums from each row to the last."""
     return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
 
 
-def _not_alone(weight: Array) -> NDArray[np.bool_]:
-    """Mask without isolated outliers: poses with weight 0 stay in if a neighbour has 0 too."""
-    out = np.r_[False, weight == 0, False]
-    alone = out & ~(np.roll(out, 1) | np.roll(out, -1))
-    return np.asarray(~alone[1:-1])
+def _without_few(weight: Array) -> NDArray[np.bool_]:
+    """Mask of poses: one with weight 0 stays in if 4 of the 7 around it have weight 0 too.
+
+    Behind a step all poses may have weight 0; a few in a row are gross errors or exchanged rows.
+    """
+    out = (weight == 0).astype(int)
+    near = np.convolve(out, np.ones(2 * _EDGE - 1, dtype=int))[_EDGE - 1 : 1 - _EDGE]
+    return np.asarray((out == 0) | (near >= _EDGE))

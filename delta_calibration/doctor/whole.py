@@ -13,6 +13,7 @@ from delta_calibration.doctor.change import Answer, joint_streams
 from delta_calibration.doctor.checked import Checked
 from delta_calibration.errors import CalibrationError
 from delta_calibration.geometry import Frame, rotations
+from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,8 @@ _TURNED = 6.0  # standard errors from which a rotation of the tracker is signifi
 _TILT = 2e-3  # [rad] to which a platform's tilt is known, by points alone
 _APART = 1.5  # ratio of residuals from which the better explanation is preferred
 _OFFSET_GAIN, _OFFSET_SIZE = 40.0, 0.02  # least gain in chi square; least size [rad of a Delta]
+_KEPT = 0.5  # least share of the promised gain that a fit without the offset must reach
+_TOLD = 4  # pairs of stops in a note
 _REFINED = 4.0  # least gain in chi square to refine an offset found with the nominal robot
 
 
@@ -32,11 +35,13 @@ def fitted(checked: Checked) -> Checked:
     for _ in range(_ROUNDS):
         try:
             fitted = _fit(checked)
-            again = None if fitted is None else _offset(checked, fitted) or _step(checked, fitted)
+            if fitted is None:
+                return checked
+            again = _offset(checked, fitted) or _step(checked, fitted)
         except (CalibrationError, np.linalg.LinAlgError):
             return checked  # a later fit of this session reports the error itself
         if again is None:
-            return checked
+            return replace(checked, notes=(*checked.notes, *_exchanged(fitted)))
         checked = again
     return checked
 
@@ -51,6 +56,19 @@ def _fit(checked: Checked) -> steps.Fitted | None:
     return steps.Fitted(poses, robot)
 
 
+def _exchanged(fitted: steps.Fitted) -> tuple[str, ...]:
+    """A note of the neighbouring stops whose points seem to be exchanged."""
+    time = fitted.poses.time
+    pairs = [f"{time[k]:.1f} and {time[k + 1]:.1f} s" for k in fitted.exchanged()]
+    if not pairs:
+        return ()
+    more = f", and {len(pairs) - _TOLD} more" if len(pairs) > _TOLD else ""
+    return (
+        f"the points of neighbouring stops seem exchanged: {'; '.join(pairs[:_TOLD])}{more} "
+        "after the first reading; a fit leaves these stops out",
+    )
+
+
 def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     """Undo a joint offset, or the remainder of one already found with the nominal robot."""
     offset = fitted.offset()
@@ -60,6 +78,8 @@ def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     clear = offset.gain > max(_OFFSET_GAIN, 2 * offset.second)
     large = abs(offset.value) > _OFFSET_SIZE * robot.commanded.joint_size
     if not ((clear and large) or (told and offset.gain > _REFINED)):
+        return None
+    if not (_possible(robot, offset) and _holds(fitted, offset)):
         return None
     whole = offset.value + (told[0].value or 0.0 if told else 0.0)
     undone = hypotheses.offset_joint(robot, streams, offset.joint, offset.value)
@@ -77,6 +97,23 @@ def _offset(checked: Checked, fitted: steps.Fitted) -> Checked | None:
     return replace(
         checked, found=(*rest, *said.found(evidence)), session=undone.undo(checked.session)
     )
+
+
+def _possible(robot: Robot, offset: steps.Offset) -> bool:
+    """Whether an offset is at most half a turn, of a joint that slides or pulls its range."""
+    joints, most = robot.joints, np.pi
+    if joints.unit != "rad" or robot.model().pulls:
+        most = float(joints.upper[offset.joint] - joints.lower[offset.joint])
+    return bool(abs(offset.value) <= most)
+
+
+def _holds(fitted: steps.Fitted, offset: steps.Offset) -> bool:
+    """Whether a fit without the offset explains the bulk of the poses as well as promised."""
+    try:
+        gain = fitted.lowered(fitted.without(offset))
+    except (CalibrationError, np.linalg.LinAlgError):
+        return False  # poses beyond reach
+    return gain >= _KEPT * offset.gain
 
 
 def _step(checked: Checked, fitted: steps.Fitted) -> Checked | None:
