@@ -145,8 +145,8 @@ def _panel(axes: Axes, robot: Robot, pose: Pose, view: tuple[str, Flat], *, plai
     seen_from, both = view
     right, up = both
     _machine(axes, pose, both, _COLOURS[2] if plain else "")
-    _frame(axes, pose, BASE, both, "base", -11)
-    _frame(axes, pose, TOOL, both, "tool", 5)
+    _frame(axes, pose, BASE, both, "base", (4, -11))
+    _frame(axes, pose, TOOL, both, "tool", (-26, 5))  # left of it: the last joint's name is right
     if not plain:
         joints = _driven(robot, pose)
         ways = [_motion(pose, joint) for joint in joints]
@@ -191,7 +191,9 @@ def _outline(line: Array, radius: float) -> Array:
     return np.asarray(line.mean(axis=0) + radius * rim @ along.T)
 
 
-def _frame(axes: Axes, pose: Pose, link: str, both: Flat, name: str, below: int) -> None:
+def _frame(
+    axes: Axes, pose: Pose, link: str, both: Flat, name: str, beside: tuple[int, int]
+) -> None:
     rotation, place = (part[0] for part in pose.frames[link])
     start = 1e3 * place[list(both)]
     for axis, colour in enumerate(_COLOURS):
@@ -200,7 +202,7 @@ def _frame(axes: Axes, pose: Pose, link: str, both: Flat, name: str, below: int)
             continue  # it points at the reader
         _arrow(axes, start, start + way, colour)
         axes.annotate(_AXES[axis], start + 1.12 * way, color=colour, ha="center", va="center")
-    axes.annotate(name, start, xytext=(4, below), textcoords="offset points", color="#1a1a1a")
+    axes.annotate(name, start, xytext=beside, textcoords="offset points", color="#1a1a1a")
 
 
 def _sense(axes: Axes, pose: Pose, joint: Joint, way: Array, both: Flat) -> None:
