@@ -226,7 +226,7 @@ def test_a_file_by_the_hash_of_the_whole_robot_file_is_read(written):
         ("", "found nothing"),
         ("[1, 2", "not valid YAML: line 1, column "),
         ("\0\0\0\0", "a zero byte; the file is in UTF-16"),
-        ("words", "found str"),
+        ("words", "found text"),
         ("schema: 1\n", "missing key robot, model, "),
         ("schema: 2\n", "schema: 2 is not allowed; it must be 1"),
     ],

@@ -160,7 +160,7 @@ def encoders(name, **stated):
 @pytest.mark.parametrize(
     ("robot", "cause", "why"),
     [
-        (ROBOT, "encoder_interpolation", "the robot file does not state joints.encoder_lines$"),
+        (ROBOT, "encoder_interpolation", "the robot file does not state joints.encoder_lines;"),
         (
             encoders("linear_delta", encoder_lines=2 * np.pi * 1e6),
             "encoder_interpolation",

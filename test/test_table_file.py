@@ -245,7 +245,7 @@ def test_files_of_another_kind_are_refused(kind: str, tmp_path: Path) -> None:
 def test_a_header_that_is_no_mapping_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "table.npz"
     path.write_bytes(archive_of(header=np.array("[1, 2]"), corrections=np.zeros(3)))
-    assert "header: a mapping of keys to values is expected, found list" in refused(path)
+    assert "header: a mapping of keys to values is expected, found a list" in refused(path)
 
 
 def test_no_file_and_no_folder(tmp_path: Path) -> None:
