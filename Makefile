@@ -49,7 +49,7 @@ $(STAMP): setup.cfg setup.py pyproject.toml
 	        echo "make: $(PYTHON) cannot make environments; first: sudo apt install $$package" >&2; exit 1; \
 	    fi; }
 	@$(PY) -m pip --version >/dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
-	@echo "Installing into $(VENV), a minute or two (log: $(LOG))"
+	@echo "Installing into $(VENV), some minutes (log: $(LOG))"
 	@$(PY) -m pip install --disable-pip-version-check --no-input -e '.[$(EXTRAS)]' >$(LOG) 2>&1 \
 	    || { grep -v '^WARNING' $(LOG) | tail -n 20 >&2; exit 1; }
 	@touch $@
