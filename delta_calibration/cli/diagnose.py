@@ -44,7 +44,7 @@ from delta_calibration.export.effect_file import effect_file, project_file, requ
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
-from delta_calibration.wording import listed, measured, mm, plain, set_aside, sure
+from delta_calibration.wording import listed, measured, mm, plain, sure
 
 _VALUES = 16  # values of a cause that are listed at most, the clearest ones
 
@@ -200,7 +200,7 @@ def describe(
         (named(f"{name}: {model.model}"), mm(model.held_out_rms_mm))
         for name, model in verdict.models()
     ]
-    aside = set_aside(verdict.session.rejected)
+    aside = verdict.session.set_aside()
     lines = [
         f"verdict: {verdict.sentence()}",
         "",

@@ -57,6 +57,7 @@ REMAINS = 0.25  # least share of the unexplained remainder that a cause must exp
 SOME = 0.02
 # the same for a map that may be due to chance, on machines that others measured as well
 MUCH = 0.1
+SCATTERS = 2.5  # ratio of estimated to filed noise from which a warning is given
 NEIGHBOURS = 0.05  # share of the poses whose errors together say where a map is largest
 IMPERFECT = 2e-3  # share of what a model explains that may be its own error
 # share of what is left above noise that no such error is: made by a cause of another kind

@@ -16,6 +16,7 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.data import Survey, require_poses
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.constants import SCATTERS
 from delta_calibration.diagnosis.cross_validation import HeldOut, held_out
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
@@ -58,7 +59,6 @@ _SCATTERED = (
     "what changes from visit to visit counts as noise here, and smaller errors do not show; "
     "compare such visits over time, load and side of approach, or correct the file"
 )
-_SCATTERS = 2.5  # ratio of estimated to filed noise from which this is said
 _NEVER_TURNED = "the probe's rotation never changes, so it is filled in: only positions are used"
 
 
@@ -105,11 +105,12 @@ def _scattered(cell: Cell) -> str:
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
         return ""
-    joints = noise.repeatability / robot.joints.repeatability
+    filed = robot.joints.repeatability
+    joints = noise.repeatability / filed if filed > 0 else 0.0  # 0: nothing was stated
     tracker = max(noise.radial_scale, noise.transverse_scale)
     ratio, part = max((joints, "joints"), (tracker, "tracker"))
     entry = "repeatability" if part == "joints" else "noise"
-    return _SCATTERED.format(ratio, entry, part) if ratio > _SCATTERS else ""
+    return _SCATTERED.format(ratio, entry, part) if ratio > SCATTERS else ""
 
 
 def diagnose(

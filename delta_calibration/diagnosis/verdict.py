@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from math import inf
 from typing import Any
 
-from delta_calibration.wording import capital, listed, mm, spoken, sure
+from delta_calibration.wording import capital, listed, mm, set_aside, spoken, sure
 
 SCHEMA = 2
 
@@ -23,7 +23,7 @@ class SessionFacts:
 
     def set_aside(self) -> str:
         """Number of readings that took no part and the reasons, in words."""
-        return listed(f"{n} {spoken(reason)}" for reason, n in self.rejected.items() if n)
+        return set_aside(self.rejected)
 
 
 @dataclass(frozen=True)

@@ -53,22 +53,24 @@ _ASKED = {
 }
 _STANDING = (*_ASKED, POSE, GEOMETRY)  # signals that require the machine's pose
 PLACE, MOTION, SIDE, COURSE, MASS = "place", "motion", "side", "course", "mass"
+KINDS = frozenset((PLACE, MOTION, SIDE, COURSE, MASS))  # side of approach, course of time
 _KINDS = {
-    **dict.fromkeys((JOINT, POSE, GEOMETRY, READING, GRAVITY, PULL, PULL_HOME, TIGHTNESS), PLACE),
-    **dict.fromkeys((LOAD, REACTION, CARRIED), PLACE),
-    **dict.fromkeys((RATE, ACCELERATION, INERTIA, READING_RATE), MOTION),
-    **dict.fromkeys((DIRECTION, TRAVEL), SIDE),
-    **dict.fromkeys((TIME, TEMPERATURE), COURSE),
-    **dict.fromkeys((PAYLOAD, CENTRE), MASS),
+    **dict.fromkeys((JOINT, POSE, GEOMETRY, READING, TIGHTNESS), frozenset({PLACE})),
+    **dict.fromkeys((GRAVITY, CARRIED, PULL, PULL_HOME), frozenset({PLACE, MASS})),
+    **dict.fromkeys((LOAD, REACTION), frozenset({PLACE, MASS, MOTION})),
+    **dict.fromkeys((RATE, ACCELERATION, READING_RATE), frozenset({MOTION})),
+    **dict.fromkeys((DIRECTION, TRAVEL), frozenset({SIDE})),
+    **dict.fromkeys((TIME, TEMPERATURE), frozenset({COURSE})),
+    **dict.fromkeys((PAYLOAD, CENTRE), frozenset({MASS})),
+    INERTIA: frozenset({MOTION, MASS}),
 }
-KINDS = frozenset(_KINDS.values())  # place, motion, side of approach, course of time, mass
 OF_PULLING = (PULL, PULL_HOME, TIGHTNESS)  # signals of limbs that can only pull
 OF_JOINTS = (JOINT, RATE, ACCELERATION, DIRECTION, TRAVEL, GRAVITY, INERTIA, *OF_PULLING)
 
 
 def kinds_of(names: Iterable[str]) -> frozenset[str]:
-    """The kinds of quantity that signals belong to, of `KINDS`; loads go by place."""
-    return frozenset(_KINDS[name] for name in names if name in _KINDS)
+    """Kinds of quantity, of `KINDS`, that signals vary with; loads vary with several."""
+    return frozenset().union(*(_KINDS.get(name, ()) for name in names))
 
 
 @dataclass(frozen=True)

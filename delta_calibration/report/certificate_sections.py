@@ -11,7 +11,7 @@ from delta_calibration.report.certificate import COVERAGE, MM, Certificate, Dime
 from delta_calibration.report.certificate_figures import histogram_figure, vector_figure
 from delta_calibration.report.decision import Decision
 from delta_calibration.report.document import Section, Table
-from delta_calibration.wording import NO_VALUE, figures, rounded, spoken
+from delta_calibration.wording import NO_VALUE, figures, rounded, set_aside, spoken
 
 Array = NDArray[np.float64]
 
@@ -52,8 +52,7 @@ def conditions_section(certificate: Certificate) -> Section:
 
 
 def _aside(certificate: Certificate) -> str:
-    counts = certificate.examined.poses.rejected.counts()
-    return ", ".join(f"{n} {why}" for why, n in counts.items() if n) or "none"
+    return set_aside(certificate.examined.poses.rejected.counts()) or "none"
 
 
 def _poses_aside(certificate: Certificate) -> str:
