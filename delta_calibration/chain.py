@@ -207,8 +207,13 @@ class Chain:
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:
-    """The conditions with the readings before measurement effects, and their velocity."""
-    return replace(at, reading=seen.before, reading_velocity=seen.rate)
+    """The conditions with the readings before measurement effects, and how these move."""
+    return replace(
+        at,
+        reading=seen.before,
+        reading_velocity=seen.rate,
+        reading_acceleration=seen.acceleration,
+    )
 
 
 @dataclass(frozen=True)

@@ -180,3 +180,11 @@ def test_a_clean_scara_raises_no_alarm():
     said = judge(Task("test", 1, robot="scara").key)
     assert not said["findings"]
     assert not said["unknown"]
+
+
+def test_a_map_that_the_search_took_for_a_cause_leaves_no_unknown_beside_it():
+    """Play of two micrometres: the search ends with a map by direction; then its name holds."""
+    hidden = (("backlash", 296.9703174752593),)
+    said = judge(Task("single", 242108, hidden, robot="linear_delta").key)
+    assert [finding["cause"] for finding in said["findings"]] == ["backlash"]
+    assert not said["unknown"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields, replace
 from itertools import pairwise
 
@@ -24,6 +25,7 @@ from delta_calibration.data import (
 )
 from delta_calibration.data.motion import TURNED
 from delta_calibration.effects import effect_named
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame
 from delta_calibration.robot import load_robot
 from six_rods import SixRods
@@ -157,13 +159,16 @@ def test_a_turn_begins_at_the_farthest_point_and_not_where_it_shows() -> None:
     np.testing.assert_array_equal(unfinished[0], [0, 1, 1, 1, 1, 1])  # it may go on
 
 
-def test_between_samples_the_last_side_and_the_nearest_speed_hold() -> None:
+def test_between_samples_the_last_side_holds_and_speed_changes_by_the_acceleration() -> None:
     time = np.arange(40) * 0.1
     angle = np.r_[0.5 * time[:20], 0.5 * time[19] - 0.5 * (time[20:] - time[19])]
     motion = motion_of(time, angle[:, None])
     velocity, _, direction, travel = motion.at(np.array([-3.0, 1.0, 1.96, 1.99, 30.0]))
     assert direction[:, 0].tolist() == [0.0, 1.0, 1.0, 1.0, -1.0]
-    np.testing.assert_array_equal(velocity, motion.velocity[[0, 10, 20, 20, 39]])
+    bends = motion.acceleration[20] * [[-0.04], [-0.01]]
+    assert np.abs(bends).max() > 0.01
+    np.testing.assert_array_equal(velocity[[0, 1, 4]], motion.velocity[[0, 10, 39]])
+    np.testing.assert_allclose(velocity[2:4], motion.velocity[20] + bends, atol=1e-12)
     assert travel[-1, 0] == motion.travel[-1, 0] == pytest.approx(1.0)
     assert motion.at(np.array([2.0]))[2][0, 0] == motion.direction[20, 0] == -1.0
 
@@ -278,6 +283,11 @@ def effect(cause):
     return effect_named(cause, ROBOT, ROBOT.model(), {})
 
 
+def delayed(cause, times):
+    """The effect in the shape that follows from these times."""
+    return effect(cause).refined(np.array(times))
+
+
 MIDDLE, SIZE = np.array([0.3, 0.2, 0.4]), np.array([0.2, 0.15, 0.1])
 RATE, PHASE = np.array([2.0, 2.6, 1.4]), np.array([0.0, 1.0, 2.0])
 TIMES = np.linspace(0.0, 6.0, 41)
@@ -296,21 +306,27 @@ def swinging():
 
 @pytest.mark.parametrize("latency", [-8e-3, 4e-3, 8e-3])
 def test_a_late_stamp_is_the_place_of_a_moment_before(latency: float) -> None:
-    """To second order; the difference is the curvature of the path."""
-    late = [effect("timestamp_latency")]
-    seen = predicted(late, [latency], swinging())
-    there, now, h = MACHINE.point(swing(TIMES - latency)), MACHINE.point(swing(TIMES)), 1e-3
+    """To third order; without the shape that follows from its value, to second."""
+
+    def missed(late, plain=False):
+        shape = effect("timestamp_latency") if plain else delayed("timestamp_latency", [late])
+        return predicted([shape], [late], swinging()) - MACHINE.point(swing(TIMES - late))
+
+    now, h = MACHINE.point(swing(TIMES)), 1e-3
     ends = MACHINE.point(swing(TIMES + h)) + MACHINE.point(swing(TIMES - h))
     curve = (ends - 2 * now) / h**2 * latency**2 / 2
-    np.testing.assert_allclose(seen - there, -curve, atol=0.1 * np.abs(curve).max())
-    assert np.abs(there - now).max() > 20 * np.abs(curve).max()
-    resting = predicted(late, [latency], at_rest(swing(TIMES)))
+    np.testing.assert_allclose(missed(latency, plain=True), -curve, atol=0.1 * np.abs(curve).max())
+    whole, half = (np.abs(missed(each)).max() for each in (latency, latency / 2))
+    assert whole < 0.02 * np.abs(curve).max()
+    assert whole / half == pytest.approx(8, rel=0.1)
+    late = delayed("timestamp_latency", [latency])
+    resting = predicted([late], [latency], at_rest(swing(TIMES)))
     np.testing.assert_allclose(resting, now, atol=1e-12)
 
 
 def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
-    """T dq/dt = command - q after the transient, to second order in T."""
-    at = swinging()
+    """T dq/dt = command - q after the transient, to third order in T."""
+    at, left = swinging(), []
     for lag in (4e-3, 2e-3):
         servo = solve_ivp(
             lambda t, x, lag=lag: (swing(t) - x) / lag,
@@ -321,10 +337,28 @@ def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
             rtol=1e-10,
             atol=1e-12,
         ).y.T
-        told = at.joint + effect("joint_lag").columns(at) @ np.full(3, lag)
-        left = np.abs(told - servo)[1:].max()
-        assert left < 1.1 * lag**2 * np.abs(at.acceleration).max()
-        assert left < 0.02 * np.abs(servo - at.joint)[1:].max()
+        lags = np.full(3, lag)
+        told = at.joint + delayed("joint_lag", lags).columns(at) @ lags
+        left.append(np.abs(told - servo)[1:].max())
+        assert left[-1] < 0.02 * lag**2 * np.abs(at.acceleration).max()
+    assert left[0] / left[1] == pytest.approx(8, rel=0.1)
+
+
+@pytest.mark.parametrize("cause", ["joint_lag", "timestamp_latency"])
+def test_other_ways_to_trail_are_compared_only_where_the_motion_shows_them(cause: str) -> None:
+    count = len(effect(cause).parameters)
+    quick, slow = (delayed(cause, [late] * count) for late in (4e-3, 1e-4))
+    assert {shape.bend for shape in quick.refinements(swinging())} == {0.0, 0.5, 1.0}
+    assert [shape.bend for shape in slow.refinements(swinging())] == [slow.bend]
+    assert [shape.bend for shape in effect(cause).refinements(swinging())] == [slow.bend]
+    assert all(shape.times == quick.times for shape in quick.refinements(swinging()))
+
+
+@pytest.mark.parametrize("times", [(1e-3, 2e-3, 3e-3, 4e-3), (np.nan,), (np.inf,)])
+def test_a_delay_has_a_number_for_each_value(times: tuple[float, ...]) -> None:
+    told = re.escape(f"settings.times: {times} is not allowed; none, or 1 of them")
+    with pytest.raises(InputError, match=told):
+        effect_named("timestamp_latency", ROBOT, ROBOT.model(), {"times": times})
 
 
 def test_a_burst_of_held_up_commands_is_survived() -> None:

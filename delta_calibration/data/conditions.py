@@ -19,8 +19,8 @@ class Conditions:
 
     `direction` is the sign of each joint's last motion, 0 if unknown; `travel` is the joint's
     distance from its last reversal, infinite if unknown. Quantities that were not recorded are
-    NaN. `reading` and `reading_velocity` are the tracker's: as measured, or as the chain predicts
-    them before its last stage.
+    NaN. `reading` with its velocity and acceleration is the tracker's: as measured, or as the
+    chain predicts it before its last stage.
     """
 
     joint: Array  # (n, m) [rad] by the encoders
@@ -35,6 +35,7 @@ class Conditions:
     temperature: Array  # (n, parts) [deg C]
     reading: Array  # (n, 3) [m] in the tracker's frame
     reading_velocity: Array  # (n, 3) [m/s]
+    reading_acceleration: Array  # (n, 3) [m/s^2]
 
     def __len__(self) -> int:
         return len(self.joint)
@@ -77,6 +78,7 @@ def at_rest(joint: Array) -> Conditions:
         temperature=np.zeros((n, 0)),
         reading=np.full((n, 3), np.nan),
         reading_velocity=np.zeros((n, 3)),
+        reading_acceleration=np.zeros((n, 3)),
     )
 
 

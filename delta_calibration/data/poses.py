@@ -95,6 +95,7 @@ class Poses:
             temperature=self.temperature,
             reading=self.point,
             reading_velocity=np.zeros_like(self.point),
+            reading_acceleration=np.zeros_like(self.point),
         )
 
     @property
@@ -257,6 +258,7 @@ def _paths(
         temperature=_temperature(session, stamps),
         reading=mean(readings.point),
         reading_velocity=np.full((len(label), 3), np.nan),
+        reading_acceleration=np.full((len(label), 3), np.nan),
     )
     return Paths(conditions, count.astype(np.int64), path[used][first])
 

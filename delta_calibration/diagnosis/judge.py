@@ -422,11 +422,17 @@ def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:
 
 
 def _where_a_map_is(found: SearchResult, sought: Fitted, doubtful: bool) -> Iterator[Fitted]:
-    """Fits that may contain a map: the model, the same plus a map, the end of the search."""
+    """Fits that may contain a map: the model, and the same plus a map of what is left or sought.
+
+    A map from the end of the search counts beside the causes that hold: these may explain it.
+    """
+    terms = found.model.terms
     yield found.model
     if doubtful and found.last.map is not None:
-        yield found.model.fitted((*found.model.terms, found.last.map.candidate))
-    yield sought
+        yield found.model.fitted((*terms, found.last.map.candidate))
+    maps = tuple(m for m in sought.terms if m.unexplained and not _among(terms, m))
+    if maps:
+        yield found.model.fitted((*terms, *maps)) if terms else sought
 
 
 def _mapped(model: Fitted, term: Candidate, tests: Mapping[str, float | None]) -> UnknownStructure:

@@ -1,6 +1,6 @@
 """Servo lag: a joint trails its command in motion.
 
-dq = -T dq/dt
+dq = -T dq/dt + T^2 d2q/dt2
 """
 
 from __future__ import annotations
@@ -9,17 +9,18 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.base import Stage
+from delta_calibration.effects.delay import Delay
 from delta_calibration.effects.regressor import VELOCITY, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import RATE
+from delta_calibration.effects.signals import ACCELERATION, RATE
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class JointLag(Effect):
-    """Each joint is where its command was a time T before."""
+class JointLag(Delay):
+    """Each joint follows its command through a filter of first order with the time constant T."""
 
     cause: ClassVar[str] = "joint_lag"
     remedy: ClassVar[Remedy] = Remedy(
@@ -30,6 +31,9 @@ class JointLag(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    takes: ClassVar[tuple[str, ...]] = (RATE, ACCELERATION)
+
+    bend: float = 1.0
 
     @property
     def parameters(self) -> ParameterSet:
@@ -41,10 +45,7 @@ class JointLag(Effect):
         del at
         return VELOCITY
 
-    takes: ClassVar[tuple[str, ...]] = (RATE,)
-
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-T dq/dt."""
-        del c
-        return -v[0] * s[0]
+        """-T dq/dt + b T^2 d2q/dt2, one T of the second term being a constant."""
+        return v[0] * (c[0] * s[1] - s[0])

@@ -40,6 +40,7 @@ POSE, GEOMETRY, LOAD, REACTION = "pose", "geometry", "load", "reaction"
 CARRIED, TIGHTNESS = "carried", "tightness"  # payload's force, moment; pulls per pretension
 TIME, PAYLOAD, CENTRE, TEMPERATURE = "time", "payload", "centre", "temperature"
 READING, READING_RATE, NOTHING = "reading", "reading_rate", "nothing"
+READING_ACCELERATION = "reading_acceleration"
 
 _ASKED = {
     GRAVITY: OF_WEIGHT,
@@ -58,7 +59,7 @@ _KINDS = {
     **dict.fromkeys((JOINT, POSE, GEOMETRY, READING, TIGHTNESS), frozenset({PLACE})),
     **dict.fromkeys((GRAVITY, CARRIED, PULL, PULL_HOME), frozenset({PLACE, MASS})),
     **dict.fromkeys((LOAD, REACTION), frozenset({PLACE, MASS, MOTION})),
-    **dict.fromkeys((RATE, ACCELERATION, READING_RATE), frozenset({MOTION})),
+    **dict.fromkeys((RATE, ACCELERATION, READING_RATE, READING_ACCELERATION), frozenset({MOTION})),
     **dict.fromkeys((DIRECTION, TRAVEL), frozenset({SIDE})),
     **dict.fromkeys((TIME, TEMPERATURE), frozenset({COURSE})),
     **dict.fromkeys((PAYLOAD, CENTRE), frozenset({MASS})),
@@ -125,7 +126,7 @@ class Places:
 @lru_cache(maxsize=64)
 def _places(m: int, k: int, p: int, parts: tuple[str, ...]) -> Places:
     of_sample = ((TIME, 1), (PAYLOAD, 1), (CENTRE, 3), (TEMPERATURE, len(parts)))
-    of_tracker = ((READING, 3), (READING_RATE, 3), (NOTHING, 1))
+    of_tracker = ((READING, 3), (READING_RATE, 3), (READING_ACCELERATION, 3), (NOTHING, 1))
     of_machine = ((POSE, k), (GEOMETRY, p), (LOAD, p), (REACTION, 6), (CARRIED, 6))
     return Places(
         (*((name, m) for name in OF_JOINTS), *of_machine, *of_sample, *of_tracker), parts
@@ -193,6 +194,7 @@ def recorded(mechanism: Mechanism, at: Conditions) -> Signals:
     rows[:, where[TEMPERATURE]] = at.temperature
     rows[:, where[READING]] = at.reading
     rows[:, where[READING_RATE]] = at.reading_velocity
+    rows[:, where[READING_ACCELERATION]] = at.reading_acceleration
     return Signals(places, rows)
 
 

@@ -1,6 +1,6 @@
 """Time offset between the clocks of tracker and joints.
 
-dy = -(dy/dt) T           nothing at rest
+dy = -T dy/dt + T^2 / 2 d2y/dt2           nothing at rest
 """
 
 from __future__ import annotations
@@ -9,16 +9,17 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.base import Stage
+from delta_calibration.effects.delay import Delay
 from delta_calibration.effects.regressor import READING_SPEED, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
-from delta_calibration.effects.signals import READING_RATE
+from delta_calibration.effects.signals import READING_ACCELERATION, READING_RATE
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class TimestampLatency(Effect):
+class TimestampLatency(Delay):
     """A reading shows the platform as it was a time T before the reading's stamp."""
 
     cause: ClassVar[str] = "timestamp_latency"
@@ -31,6 +32,7 @@ class TimestampLatency(Effect):
     kind: ClassVar[str] = "measurement"
     stage: ClassVar[Stage] = Stage.MEASUREMENT
     outside: ClassVar[str] = "log the measured joint angles in addition to the commanded ones"
+    takes: ClassVar[tuple[str, ...]] = (READING_RATE, READING_ACCELERATION)
 
     @property
     def parameters(self) -> ParameterSet:
@@ -42,10 +44,7 @@ class TimestampLatency(Effect):
         del at
         return READING_SPEED
 
-    takes: ClassVar[tuple[str, ...]] = (READING_RATE,)
-
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """-(dy/dt) T."""
-        del c
-        return -v[0] * s[0:3]
+        """-T dy/dt + b T^2 d2y/dt2, one T of the second term being a constant."""
+        return v[0] * (c[0] * s[3:6] - s[0:3])

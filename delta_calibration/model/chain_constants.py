@@ -25,6 +25,7 @@ NAMES = (
     "centre",
     "reading",
     "reading_rate",
+    "reading_acceleration",
 )
 (
     JOINT,
@@ -44,6 +45,7 @@ NAMES = (
     CENTRE,
     READING,
     READING_RATE,
+    READING_ACCELERATION,
 ) = range(len(NAMES))
 
 # Flags of the loads to evaluate; their sum is passed as `asked`.

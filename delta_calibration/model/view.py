@@ -19,10 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.model.chain_constants import (
+    ACCELERATION,
+    JOINT,
+    MOMENT,
     NOTHING,
     POSES,
     RATE,
     READING,
+    READING_ACCELERATION,
     READING_RATE,
     READINGS,
 )
@@ -55,6 +59,7 @@ class Seen(NamedTuple):
     geometry: Array  # (n, p) dimensions under its conditions, or (1, p) where all share them
     before: Array  # (n, 3) [m] where the reflector is, in the device's frame
     rate: Array  # (n, 3) [m/s] its velocity there; 0 where it is not needed, see `see`
+    acceleration: Array  # (n, 3) [m/s^2] and acceleration; 0 where no effect takes it
     reading: Array  # (n, 3) [m]
     by_joints: Array  # (n, d, m) d(before) or d(pose) by the joints behind the drives
     jacobian: Array  # (n, d, P) d(reading) or d(pose) by theta
@@ -73,6 +78,8 @@ class Room(NamedTuple):
     moved: Array  # (3,) [m] reflector in the frame of the base without loads
     shift: Array  # (6,) [m, rad] of the base
     by_base: Array  # (3, 6) d(before) by it
+    aside: Array  # (k,) pose a moment away
+    there: Array  # (3,) [m] where the reflector is then
 
 
 @compiled(borrows=True)
@@ -183,6 +190,50 @@ def _derive(
 
 
 @compiled(borrows=True)
+def _is_moving(signals: Array, rates: int, m: int) -> bool:
+    """Whether any of m joints moves, whose rates begin at index `rates` of a sample."""
+    moving = False
+    for i in range(m):
+        moving = moving or signals[rates + i] != 0.0
+    return moving
+
+
+@compiled(borrows=True)
+def _see_around(
+    body: Body,
+    stages: Stages,
+    device: Device,
+    signals: Array,
+    g: Array,
+    theta: Array,
+    near: bool,
+    stray: float,
+    x: Array,
+    room: Room,
+    found: Array,
+) -> bool:
+    """Sum of the reflector's places a `MOMENT` before and after a sample, into `found` (3,).
+
+    The joints follow their rates and accelerations. False if there is no pose there.
+    """
+    sample, at, own = room.signals, stages.at, room.state
+    for i in range(3):
+        found[i] = 0.0
+    for when in (-MOMENT, MOMENT):
+        copy_into(sample, signals)
+        copy_into(room.aside, x)
+        for i in range(len(own.joint)):
+            rate, bend = signals[at[RATE] + i], signals[at[ACCELERATION] + i]
+            sample[at[JOINT] + i] += when * (rate + when / 2 * bend)
+        if not stand(body, stages, sample, g, theta, near, stray, room.aside, own):
+            return False
+        _place_reflector(body, stages, device, sample, theta, room.aside, room, room.there)
+        for i in range(3):
+            found[i] += room.there[i]
+    return True
+
+
+@compiled(borrows=True)
 def _see_each(
     body: Body,
     stages: Stages,
@@ -200,13 +251,21 @@ def _see_each(
     """Fill in the results of every sample, one after the other."""
     m, own, sample = body.limbs.sizes[M], room.state, room.signals
     reshaped = len(stages.structure.law) > 0
-    rates, at = stages.at[RATE], stages.at[READING]
-    wanted = asked == READINGS or takes(last, stages.at[READING_RATE], 3)
+    rates, at, bends = stages.at[RATE], stages.at[READING], stages.at[READING_ACCELERATION]
+    bent = takes(last, bends, 3)
+    wanted = bent or asked == READINGS or takes(last, stages.at[READING_RATE], 3)
     take_dimensions(body, g, own)
     if not reshaped:
         copy_into(found.geometry[0], g)
     for row in range(len(signals)):
         x, before, reading = found.x[row], found.before[row], found.reading[row]
+        moving = wanted and _is_moving(signals[row], rates, m)
+        around = found.acceleration[row]
+        bending = bent and moving
+        if bending:
+            bending = _see_around(
+                body, stages, device, signals[row], g, theta, near, stray, x, room, around
+            )
         copy_into(sample, signals[row])
         good = stand(body, stages, sample, g, theta, near, stray, x, own)
         copy_into(found.joint[row], own.joint)
@@ -220,9 +279,8 @@ def _see_each(
                 fill(found.jacobian[row], np.nan)
             continue
         _place_reflector(body, stages, device, sample, theta, x, room, before)
-        moving = False
-        for i in range(m):
-            moving = moving or (wanted and sample[rates + i] != 0.0)
+        for i in range(3):
+            around[i] = (around[i] - 2 * before[i]) / MOMENT**2 if bending else 0.0
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
@@ -234,6 +292,7 @@ def _see_each(
         for i in range(3):
             sample[at + i] = reading[i] = before[i]
             sample[stages.at[READING_RATE] + i] = found.rate[row, i]
+            sample[bends + i] = around[i]
         add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
             _by_device(body, device, room.turned, own, found.jacobian[row])
@@ -267,7 +326,8 @@ def see(
         near: whether x holds poses nearby.
         stray: largest closure that counts as closed.
         asked: which derivatives are wanted: `NOTHING`, `READINGS` or `POSES`. The velocity of the
-            reflector is found with those of readings, or where `last` takes it.
+            reflector is found with those of readings, or where `last` takes it; its acceleration
+            only where `last` takes that.
         x: (n, k), filled in.
     """
     n, m, k = len(signals), body.limbs.sizes[M], body.limbs.sizes[K]
@@ -279,6 +339,7 @@ def see(
         np.empty((n if len(stages.structure.law) else 1, len(g))),
         np.empty((n, 3)),
         np.zeros((n, 3)),
+        np.zeros((n, 3)),
         np.empty((n, 3)),
         np.empty((some, sides, m)),
         np.empty((some, sides, len(theta))),
@@ -287,7 +348,9 @@ def see(
     sample = np.empty(signals.shape[1])
     turned, moved_to, by_base = device[1].copy(), np.zeros(3), np.zeros((3, 6))
     state, work = state_of(body, stages), last.work.copy()
-    room = Room(state, sample, work, slope, unit, turned, moved_to, np.zeros(6), by_base)
+    aside, there = np.zeros(k), np.zeros(3)
+    shift = np.zeros(6)
+    room = Room(state, sample, work, slope, unit, turned, moved_to, shift, by_base, aside, there)
     own = Device(device[0], device[1], device[2], device[3], device[4])
     _see_each(body, stages, last, own, signals, g, theta, near, stray, asked, found, room)
     return found

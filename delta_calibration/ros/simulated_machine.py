@@ -145,6 +145,7 @@ class SimulatedMachine:
             temperature=self._climate.celsius(clock),
             reading=np.full((1, 3), np.nan),
             reading_velocity=np.zeros((1, 3)),
+            reading_acceleration=np.zeros((1, 3)),
         )
 
     def _orientation(self, joint: Array, now: float) -> Array:

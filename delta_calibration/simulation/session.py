@@ -122,6 +122,7 @@ def _motion(
         temperature=climate.celsius(time[kept]),
         reading=np.full((n, 3), np.nan),
         reading_velocity=np.zeros((n, 3)),
+        reading_acceleration=np.zeros((n, 3)),
     )
     return ways, conditions, JointStream(_stamps(time), machine.robot.joints.names, joint)
 

@@ -2,25 +2,27 @@
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 1), ('v', 1), ('c', 0)), 1, (), (), (), ('v',))
-SIZE = 4
-SHARED = (4, 4)
+LAYOUT = ((('s', 2), ('v', 1), ('c', 1)), 1, (), (), (), ('v',))
+SIZE = 6
+SHARED = (6, 6)
 
 
 def full(w):
+    i3 = w[3]
     i1 = w[1]
     i0 = w[0]
-    t2 = i1 * i0
-    t3 = -(t2)
-    t5 = -(i0)
-    w[2] = t3
-    w[3] = t5
+    i2 = w[2]
+    t3 = i3 * i1
+    t5 = t3 - i0
+    t6 = i2 * t5
+    w[4] = t6
+    w[5] = t5
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "ee190b3aae9e9915"),
+    "full": law(full, "b413c07597837ae0"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -2,37 +2,41 @@
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 3), ('v', 1), ('c', 0)), 3, (), (), (), ('v',))
-SIZE = 10
-SHARED = (10, 10)
+LAYOUT = ((('s', 6), ('v', 1), ('c', 1)), 3, (), (), (), ('v',))
+SIZE = 14
+SHARED = (14, 14)
 
 
 def full(w):
+    i7 = w[7]
     i3 = w[3]
     i0 = w[0]
+    i6 = w[6]
+    i4 = w[4]
     i1 = w[1]
+    i5 = w[5]
     i2 = w[2]
-    t2 = i3 * i0
-    t3 = -(t2)
-    t6 = i3 * i1
-    t7 = -(t6)
-    t10 = i3 * i2
-    t11 = -(t10)
-    t13 = -(i0)
-    t15 = -(i1)
-    t17 = -(i2)
-    w[4] = t3
-    w[5] = t7
-    w[6] = t11
-    w[7] = t13
-    w[8] = t15
-    w[9] = t17
+    t3 = i7 * i3
+    t5 = t3 - i0
+    t6 = i6 * t5
+    t9 = i7 * i4
+    t11 = t9 - i1
+    t12 = i6 * t11
+    t15 = i7 * i5
+    t17 = t15 - i2
+    t18 = i6 * t17
+    w[8] = t6
+    w[9] = t12
+    w[10] = t18
+    w[11] = t5
+    w[12] = t11
+    w[13] = t17
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "616fec2be5ddb931"),
+    "full": law(full, "bf715913fd7c9116"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
