@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from delta_calibration.cell.health import Level
 from delta_calibration.cli.main import run
 from delta_calibration.data import JointStream, Session, TrackerStream, collect
 from delta_calibration.doctor import check, whole
-from delta_calibration.doctor.clocks import Motion, _late
+from delta_calibration.doctor.clocks import Motion, _late, clocks
 from delta_calibration.doctor.steps import Fitted, Offset
 from delta_calibration.documents import check_document, load_schema, write_document
 from delta_calibration.errors import MistakeError
@@ -353,6 +354,24 @@ def test_stops_at_equal_intervals_do_not_shift_a_clock():
             assert abs(clock.offset) < 0.1
             assert abs(clock.drifted) < 0.1
     assert matched
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tracker_that_reads_at_stops_only_has_no_clock_error(seed: int) -> None:
+    """Joints are recorded on their way to a stop as well; the tracker shows only noise."""
+    rng, pitch, way = np.random.default_rng(seed), 0.04, 8
+    ends = rng.uniform(-0.5, 0.5, (21, 3))
+    share = np.minimum(np.arange(way + 5) / way, 1.0)
+    smooth = (share**2 * (3 - 2 * share))[:, None]
+    begins = 10**18 + 270 * 10**9 * np.arange(20)
+    stamps = begins[:, None] + (1e9 * pitch * np.arange(way + 5)).astype(np.int64)
+    joint = np.array([a + smooth * (b - a) for a, b in pairwise(ends)])
+    resting = joint[:, way:].reshape(-1, 3) + [3.0, 0.0, 0.0]
+    noise = 8e-6 * rng.standard_normal(resting.shape)
+    moved = JointStream(stamps.ravel(), ("a", "b", "c"), joint.reshape(-1, 3))
+    tracker = TrackerStream(stamps[:, way:].ravel(), resting + noise, None)
+    session = Session("stops", moved, moved, tracker)
+    assert clocks(session)[1] == ()
 
 
 def test_a_tracker_that_freezes_is_told_and_no_other_robot():

@@ -47,6 +47,8 @@ _CLEAR = 0.35  # least correlation at a window's best lag
 # [s] a smaller offset is latency, which a machine may have and `diagnose` names
 _LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
 _DRIFTED = 0.12  # [s] over the session
+_GAP = 1.0  # [s] between messages: when it moved within is not known
+_UNSEEN = 0.5  # share of a stream's way within such gaps, from which it does not show its moves
 _LEAST_STEPS = 30
 
 
@@ -187,7 +189,7 @@ def _reversed(clock: Clock) -> Clock:
 
 
 def _motion(stream: JointStream | TrackerStream | None) -> Motion | None:
-    """Motion of a stream; None if it holds one message per stop, or hardly moves."""
+    """Motion of a stream; None if it was recorded at stops only, or hardly moves."""
     if stream is None or len(stream.stamp_ns) < _LEAST_STEPS:
         return None
     first = int(stream.stamp_ns[0])
@@ -198,8 +200,10 @@ def _motion(stream: JointStream | TrackerStream | None) -> Motion | None:
     span = np.ptp(stream.position, axis=0)
     scale = span if isinstance(stream, JointStream) else np.full(3, span.max())
     steps = np.diff(stream.position, axis=0) / np.where(scale > 0, scale, 1.0)
-    speed = np.linalg.norm(steps, axis=1) / np.maximum(gaps, 1e-3)
-    speed[gaps > 1.0] = 0.0
+    length, unseen = np.linalg.norm(steps, axis=1), gaps > _GAP
+    if length[unseen].sum() > _UNSEEN * length.sum():
+        return None
+    speed = np.where(unseen, 0.0, length / np.maximum(gaps, 1e-3))
     fast = float(np.quantile(speed, 0.9))
     if fast <= 0:
         return None

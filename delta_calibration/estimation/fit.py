@@ -459,5 +459,5 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
             f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
             f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
             f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
-            "units different?"
+            "units different? `delta-cal check` finds such mistakes"
         )
