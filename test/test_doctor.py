@@ -366,7 +366,7 @@ def test_a_tracker_that_reads_at_stops_only_has_no_clock_error(seed: int) -> Non
     begins = 10**18 + 270 * 10**9 * np.arange(20)
     stamps = begins[:, None] + (1e9 * pitch * np.arange(way + 5)).astype(np.int64)
     joint = np.array([a + smooth * (b - a) for a, b in pairwise(ends)])
-    resting = joint[:, way:].reshape(-1, 3) + [3.0, 0.0, 0.0]
+    resting = joint[:, way:].reshape(-1, 3) + np.array([3.0, 0.0, 0.0])
     noise = 8e-6 * rng.standard_normal(resting.shape)
     moved = JointStream(stamps.ravel(), ("a", "b", "c"), joint.reshape(-1, 3))
     tracker = TrackerStream(stamps[:, way:].ravel(), resting + noise, None)

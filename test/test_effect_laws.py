@@ -48,19 +48,20 @@ CABLES = load_robot("cdpr8")
 POINTS = [(CABLES, CableRobot(FOUR_CABLES, tolerances)) for tolerances in (TOLERANCES, ZEROS_FREE)]
 SCARA = load_robot("scara")
 STATED = replace(SCARA, joints=replace(SCARA.joints, encoder_lines=7.0))  # states its encoders
+CYCLE = {"period": 2500.0, "phase": 0.2}
 # Settings for which a law differs from the default.
 SHAPES = {
     "backlash": [{"held_by": 0.5}],
     "ball_joint_clearance": [{"force": 0.5}, {"end": -1.0}],
     "flange_compliance": [{"behind": 0.4}],
-    "joint_zero_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
+    "joint_zero_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}, CYCLE],
     "pretension_loss": [{"time_constant": 900.0}],
     "pulley_radius": [{"radius": 0.03}, {"radius": 0.03, "upper": -1.0, "lower": 1.0}],
     "stick_slip": [{"level": 0.3}],
-    "tracker_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}],
+    "tracker_drift": [{"time_constant": 900.0}, {"step_at": 3000.0}, CYCLE],
     "transmission_error": [{"cycles": 7.5}, {"cycles": 7.5, "second": 2.0}],
     **{
-        f"thermal_growth_{part}": [{"sensor": "arm"}, {"time_constant": 900.0}]
+        f"thermal_growth_{part}": [{"sensor": "arm"}, {"time_constant": 900.0}, CYCLE]
         for part in ("arm", "base", "forearm", "link")
     },
 }

@@ -229,9 +229,10 @@ def test_a_map_keeps_to_it_as_well(family: str) -> None:
     assert (family in families(at_rest(AT.joint))) == (family in always)
 
 
+COURSE = {"time_constant", "period", "phase"}
 SEARCHED = {
-    **{drift: {"time_constant", "step_at"} for drift in ("tracker_drift", "joint_zero_drift")},
-    **{f"thermal_growth_{part}": {"time_constant"} for part in ("arm", "base", "forearm")},
+    **{drift: {"step_at"} | COURSE for drift in ("tracker_drift", "joint_zero_drift")},
+    **{f"thermal_growth_{part}": COURSE for part in ("arm", "base", "forearm")},
     "transmission_error": {"cycles"},
     "stick_slip": {"speed", "level"},
     "ball_joint_clearance": {"force"},
@@ -317,7 +318,11 @@ def test_a_play_is_crossed_over_its_gap_and_never_over_less_than_nothing() -> No
         ("gremlins", {}, "no effect 'gremlins'; choose from: tracker_scale, "),
         ("transmission_error", {"cycle": 33.0}, "transmission_error: unknown setting cycle; all"),
         ("joint_scale", {"gap": 1.0, "a": 2.0}, "unknown setting a, gap; allowed: none"),
-        ("tracker_drift", {"robot": 1.0}, "setting robot; allowed: time_constant, step_at"),
+        (
+            "tracker_drift",
+            {"robot": 1.0},
+            "setting robot; allowed: time_constant, step_at, period, phase",
+        ),
     ],
 )
 def test_a_wrong_name_is_refused_with_what_there_is(cause, settings, named) -> None:

@@ -363,13 +363,19 @@ def test_the_seed_decides_effects():
         ("tracker_drift:time_constant=0", {"time_constant": 0.0, "step_at": -1.0}),
         ("joint_zero_drift", {"time_constant": 0.0, "step_at": -1.0}),
         ("joint_zero_drift:step_at=1800", {"time_constant": 0.0, "step_at": 1800.0}),
+        (
+            "joint_zero_drift:period=3000,phase=0.2",
+            {"period": 3000.0, "phase": 0.2, "step_at": -1.0},
+        ),
         ("stick_slip:speed=0.03", {"speed": 0.03, "level": 0.0}),
         ("stick_slip:level=0.4", {"speed": 0.1, "level": 0.4}),
         ("ball_joint_clearance:force=0.5", {"force": 0.5, "end": 0.0}),
     ],
 )
 def test_shapes_are_as_said_or_as_a_cell_has_them(text, settings):
-    assert machine_with(text).chain.effects[0].settings == settings
+    found = machine_with(text).chain.effects[0].settings
+    assert {name: found[name] for name in settings} == settings
+    assert not any(found[name] for name in found.keys() - settings.keys())
 
 
 def test_a_step_is_at_its_moment():

@@ -34,7 +34,8 @@ Measurement (default strength 1, as for all below):
   smr_offset            reflector offset in a random direction
   tracker_scale
   tracker_drift         value: total shift. time_constant=S: settles (2400 s
-                        by default); 0: linear over an hour; step_at=S: a step
+                        by default); 0: linear over an hour; step_at=S: a step;
+                        period=S: a cycle, phase=0 to 1 of it at the start
   timestamp_latency
 Drive:
   encoder_eccentricity  value: amplitude
@@ -43,7 +44,8 @@ Drive:
   joint_scale joint_compliance joint_lag
   backlash              on a Delta, held_by=N m: loads above it hold the gear
                         on one flank (0: none does)
-  joint_zero_drift      linear over an hour; or time_constant=S, step_at=S [s]
+  joint_zero_drift      linear over an hour; or time_constant=S, step_at=S,
+                        period=S [s]
   stick_slip            falls to level= (0 by default) of its value above
                         speed= [rad/s; m/s for sliding joints]; by default
                         0.1 rad/s on a Delta, a similar speed on others
@@ -53,7 +55,7 @@ Structure:
   thermal_growth_arm thermal_growth_base
                         follows the sensor of its own part; sensor=arm or
                         sensor=base selects another, time_constant=S a growth
-                        with time. The cell warms up
+                        with time, period=S a cycle. The cell warms up
   thermal_growth_forearm
                         has no sensor: grows with time, time_constant=2400
   forearm_compliance dynamic_deflection base_compliance

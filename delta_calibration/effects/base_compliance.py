@@ -62,7 +62,6 @@ class BaseCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.BASE
     gentle: ClassVar[bool] = True
-    valley: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
     called: ClassVar[str] = "base on soft feet"
     takes: ClassVar[tuple[str, ...]] = (REACTION,)

@@ -18,7 +18,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class JointZeroDrift(Drift):
-    """Ramp or step of each joint's zero."""
+    """Drift of each joint's zero: a ramp, a settling, a step or a cycle."""
 
     cause: ClassVar[str] = "joint_zero_drift"
     remedy: ClassVar[Remedy] = Remedy(
@@ -35,7 +35,7 @@ class JointZeroDrift(Drift):
 
     @property
     def parameters(self) -> ParameterSet:
-        """c of each joint [rad]: drift per hour, of the whole settling, or of the step."""
+        """c of each joint [rad]: drift per hour, or of the settling, the step or the cycle."""
         return self.each_joint("drift", "rad", 0.1e-3, -0.02, 0.02)
 
     takes: ClassVar[tuple[str, ...]] = (TIME,)
@@ -43,4 +43,4 @@ class JointZeroDrift(Drift):
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """c h(time)."""
-        return v[0] * course(s[0], c[0], c[1])
+        return v[0] * course(s[0], c[0], c[1], c[2], c[3])

@@ -94,7 +94,9 @@ class PretensionLoss(CableEffect):
         last = c.shape[0] - 1
         own = cable(s, c[0:last])
         tightness, time = s[1], s[2]
-        return -v[0] * course(time, c[last], -1.0) * tightness * length(own.at) / own.gain
+        return (
+            -v[0] * course(time, c[last], -1.0, 0.0, 0.0) * tightness * length(own.at) / own.gain
+        )
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One term per cable, with tightness and time in place of its pulls."""

@@ -1,7 +1,8 @@
 """Thermal growth of parts.
 
     dL = alpha L (T - 20 deg C)        with a temperature sensor, or
-    dL = growth L (1 - exp(-t / tau))  if no sensor follows the warming
+    dL = growth L (1 - exp(-t / tau))  if no sensor follows the warming, or
+    dL = growth L (sin 2 pi (t / P + phase) - sin 2 pi phase)    if it goes up and down
 
 20 deg C is the standard reference temperature (ISO 1), at which the part has its nominal length.
 """
@@ -11,7 +12,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -19,7 +20,16 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects.base import SENSOR, Array, Effect, Interval, Limits, Setting, Stage
 from delta_calibration.effects.regressor import CLOCK, Regressor, temperature
 from delta_calibration.effects.signals import TIME, Places, Signals
-from delta_calibration.effects.time_course import TIME_CONSTANTS, TOLD, WARM_UP, around, course
+from delta_calibration.effects.time_course import (
+    CYCLE,
+    TIME_CONSTANTS,
+    TOLD,
+    WARM_UP,
+    around,
+    around_cycle,
+    course,
+    cycles,
+)
 from delta_calibration.model.symbols import Symbol, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
@@ -39,12 +49,14 @@ class ThermalGrowth(Effect):
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
-    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9)}
-    one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant")
+    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), **CYCLE}
+    one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant", "period")
     either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink
 
     sensor: str = ""  # part whose temperature is used; empty: growth follows time
     time_constant: float = 0.0  # [s] of the warming over time
+    period: float = 0.0  # [s] of the room's temperature; 0: no cycle
+    phase: float = 0.0  # of the cycle, as a share of its period
 
     @abstractmethod
     def lengths(self) -> Array:
@@ -65,8 +77,8 @@ class ThermalGrowth(Effect):
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """alpha L (T - 20 deg C), or growth L h(time), of one dimension."""
-        length, by_sensor, time_constant = c[0], c[1], c[2]
-        warm = where(by_sensor > 0, s[0] - REFERENCE, course(s[0], time_constant, -1.0))
+        length, by_sensor = c[0], c[1]
+        warm = where(by_sensor > 0, s[0] - REFERENCE, course(s[0], c[2], -1.0, c[3], c[4]))
         return v[0] * length * warm
 
     def terms(self, places: Places) -> Iterator[Term]:
@@ -76,7 +88,7 @@ class ThermalGrowth(Effect):
         by_sensor, lengths = float(bool(self.sensor)), self.lengths()
         for row in np.flatnonzero(lengths).tolist():
             length = float(lengths[row]) if known else np.nan
-            constants = (length, by_sensor, self.time_constant)
+            constants = (length, by_sensor, self.time_constant, self.period, self.phase)
             yield Term((signal,), (0,), (row,), constants)
 
     def regressor(self, at: Conditions) -> Regressor:
@@ -98,15 +110,23 @@ class ThermalGrowth(Effect):
         return ""
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Its own sensor; else every other sensor that varies, and warming over time."""
+        """Its own sensor; else every other sensor that varies, warming over time, and cycles."""
         if self.part in at.temperature_parts:
-            yield replace(self, sensor=self.part, time_constant=0.0)
+            yield self._over(sensor=self.part)
             return
         for sensor in at.temperature_parts:
             if np.ptp(at.of_part(sensor)) >= _WARMING:
-                yield replace(self, sensor=sensor, time_constant=0.0)
+                yield self._over(sensor=sensor)
         for constant in TIME_CONSTANTS:
-            yield replace(self, sensor="", time_constant=constant)
+            yield self._over(time_constant=constant)
+        for period, phase in cycles(at):
+            yield self._over(period=period, phase=phase)
+
+    def _over(self, sensor: str = "", **course: float) -> ThermalGrowth:
+        """The effect that follows a sensor, or a course over time."""
+        plain = {"time_constant": 0.0, "period": 0.0, "phase": 0.0}
+        shape: dict[str, Any] = {**plain, **course}
+        return replace(self, sensor=sensor, **shape)
 
     def doubt(self) -> Effect | None:
         """Effect of a sensor's delay behind its part, which is not known; None over time."""
@@ -118,8 +138,10 @@ class ThermalGrowth(Effect):
         return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Interval of the time constant, if the growth follows time."""
-        return () if self.sensor else around(self.time_constant, -1.0)
+        """Intervals of the searched fields, if the growth follows time."""
+        if self.sensor:
+            return ()
+        return around_cycle(self.period, self.phase) or around(self.time_constant, -1.0)
 
     @property
     def bound_to_session(self) -> bool:

@@ -1,4 +1,4 @@
-"""Time courses of effects: a ramp, settling towards a final value, or a step."""
+"""Time courses of effects: a ramp, settling towards a final value, a step, or a cycle."""
 
 from __future__ import annotations
 
@@ -12,30 +12,49 @@ from numpy.typing import NDArray
 from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Interval, Limits
 from delta_calibration.effects.regressor import CLOCK, Regressor
-from delta_calibration.model.symbols import Symbol, exp, maximum, where
+from delta_calibration.model.symbols import Symbol, exp, maximum, sin, where
 
 Array = NDArray[np.float64]
 
 HOUR = 3600.0  # [s]
 WARM_UP = 2400.0  # [s] time constant of a machine's warm-up after it is switched on
-TOLD = {"time_constant": ("time_constant_s", "s"), "step_at": ("step_at_s", "s")}
+TOLD = {
+    "time_constant": ("time_constant_s", "s"),
+    "step_at": ("step_at_s", "s"),
+    "period": ("period_s", "s"),
+    "phase": ("phase", "1"),
+}
+CYCLE: Limits = {"period": (0.0, 1e9), "phase": (0.0, 1.0)}  # [s], [1] of a period
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; longer ones look like a ramp
 _STEPS = 24  # a search tries fewer than twice as many step times
 _NEAR = 300.0  # [s] half width of the interval about the time of a step
 _LEAST = 8  # least number of times at rest on either side of a step
+# of the session: of a longer period it shows less than a cycle, as a settling does
+_PERIODS = (1.0, 0.75, 0.5625, 0.42, 0.32, 0.24)
+_PHASES = (0.25, 0.375, 0.5, 0.625)  # over half a cycle; the other half has the opposite sign
+_BESIDE = 0.125  # [1] half width of the interval of the phase
 
 
-def course(time: Symbol, time_constant: Symbol, step_at: Symbol) -> Symbol:
-    """h(time): a ramp in hours, settling from 0 to 1, or 0 before a step and 1 after it.
+def course(
+    time: Symbol, time_constant: Symbol, step_at: Symbol, period: Symbol, phase: Symbol
+) -> Symbol:
+    """h(time): a ramp in hours, settling from 0 to 1, 0 before a step and 1 after it, or a cycle.
+
+    A cycle is that of the room, by day and night or by its air conditioning.
 
     Args:
         time: time since the session's start [s].
         time_constant: time constant of the settling [s]; 0 for a ramp.
         step_at: moment of the step [s]; negative for none.
+        period: of the cycle sin(2 pi (time / period + phase)) - sin(2 pi phase) [s]; 0: none.
+        phase: of the cycle, as a share of its period.
     """
     settled = 1 - exp(-maximum(time, 0.0) / maximum(time_constant, 1e-9))
+    begin = 2 * np.pi * phase
+    turn = 2 * np.pi * time / maximum(period, 1e-9)
     smooth = where(time_constant > 0, settled, time / HOUR)
-    return where(step_at >= 0, where(time >= step_at, 1.0, 0.0), smooth)
+    cycle = where(period > 0, sin(turn + begin) - sin(begin), smooth)
+    return where(step_at >= 0, where(time >= step_at, 1.0, 0.0), cycle)
 
 
 def courses(at: Conditions) -> Iterator[tuple[float, float]]:
@@ -47,6 +66,23 @@ def courses(at: Conditions) -> Iterator[tuple[float, float]]:
     between = (moments[_LEAST:-_LEAST] + moments[_LEAST - 1 : -_LEAST - 1]) / 2
     for step in between[:: max(1, len(between) // _STEPS)].tolist():
         yield 0.0, step
+
+
+def cycles(at: Conditions) -> Iterator[tuple[float, float]]:
+    """Yield pairs (period [s], phase as a share of it) worth trying."""
+    lasted = float(np.ptp(at.time)) if len(at) else 0.0
+    if lasted > 0:
+        for share in _PERIODS:
+            for phase in _PHASES:
+                yield share * lasted, phase
+
+
+def around_cycle(period: float, phase: float) -> tuple[Interval, ...]:
+    """Period and phase with intervals around them; none if there is no cycle."""
+    if not period > 0:
+        return ()
+    low, high = phase - _BESIDE, phase + _BESIDE
+    return ("period", 0.85 * period, period / 0.85), ("phase", low, high)
 
 
 def around(time_constant: float, step_at: float) -> tuple[Interval, ...]:
@@ -63,11 +99,13 @@ class Drift(Effect):
     """Base of the drifts: what they move follows h(time), the constants of their laws."""
 
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
-    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9)}  # [s]
-    one_of: ClassVar[tuple[str, ...]] = ("time_constant", "step_at")
+    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9), **CYCLE}
+    one_of: ClassVar[tuple[str, ...]] = ("time_constant", "step_at", "period")
 
     time_constant: float = 0.0  # [s]; 0: ramp
     step_at: float = -1.0  # [s]; negative: no step
+    period: float = 0.0  # [s]; 0: no cycle
+    phase: float = 0.0  # of the cycle, as a share of its period
 
     def regressor(self, at: Conditions) -> Regressor:
         """Time."""
@@ -75,18 +113,21 @@ class Drift(Effect):
         return CLOCK
 
     def constants(self, joint: int) -> tuple[float, ...]:
-        """Time constant and moment of the step."""
+        """Time constant, moment of the step, period and phase."""
         del joint
-        return self.time_constant, self.step_at
+        return self.time_constant, self.step_at, self.period, self.phase
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """A ramp, settling from minutes to over an hour, and steps."""
+        """A ramp, settling from minutes to over an hour, steps, and cycles."""
         for constant, step in courses(at):
-            yield replace(self, time_constant=constant, step_at=step)
+            yield replace(self, time_constant=constant, step_at=step, period=0.0, phase=0.0)
+        for period, phase in cycles(at):
+            yield replace(self, time_constant=0.0, step_at=-1.0, period=period, phase=phase)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Interval of the time constant or of the moment of the step; none for a ramp."""
-        return around(self.time_constant, self.step_at)
+        """Intervals of the searched fields; none for a ramp."""
+        cycle = around_cycle(self.period, self.phase)
+        return cycle or around(self.time_constant, self.step_at)
 
     @property
     def bound_to_session(self) -> bool:

@@ -19,7 +19,7 @@ from delta_calibration.parameters import Parameter, ParameterSet
 
 @dataclass(frozen=True)
 class TrackerDrift(Drift):
-    """Rigid drift; h a ramp, a settling with `time_constant` [s] (0 is the ramp) or a step."""
+    """Rigid drift; h is a ramp, a settling, a step or a cycle."""
 
     cause: ClassVar[str] = "tracker_drift"
     remedy: ClassVar[Remedy] = Remedy(
@@ -35,7 +35,7 @@ class TrackerDrift(Drift):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Shift t [m] and turn w [rad]: per hour, of the whole settling, or of the step."""
+        """Shift t [m] and turn w [rad]: per hour, or of the settling, the step or the cycle."""
         names = [("shift", "m", 30e-6, 2e-3), ("turn", "rad", 10e-6, 1e-3)]
         return ParameterSet(
             tuple(
@@ -58,4 +58,4 @@ class TrackerDrift(Drift):
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """(t + w x y) h(time)."""
-        return (v[0:3] + cross(v[3:6], s[0:3])) * course(s[3], c[0], c[1])
+        return (v[0:3] + cross(v[3:6], s[0:3])) * course(s[3], c[0], c[1], c[2], c[3])

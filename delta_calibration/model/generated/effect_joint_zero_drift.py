@@ -1,17 +1,19 @@
 """Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
 
-from math import exp
+from math import exp, sin
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 1), ('v', 1), ('c', 2)), 1, (), (), (), ('v',))
-SIZE = 6
-SHARED = (6, 6)
+LAYOUT = ((('s', 1), ('v', 1), ('c', 4)), 1, (), (), (), ('v',))
+SIZE = 8
+SHARED = (8, 8)
 
 
 def full(w):
     i3 = w[3]
     i0 = w[0]
+    i4 = w[4]
+    i5 = w[5]
     i2 = w[2]
     i1 = w[1]
     t3 = 1.0 if 0.0 <= i3 else 0.0
@@ -19,29 +21,42 @@ def full(w):
     t7 = 1.0 if t5 != 0.0 else 0.0
     t8 = t7 if t3 != 0.0 else 0.0
     t9 = 0.0 if t3 != 0.0 else 1.0
-    t11 = 1.0 if 0.0 < i2 else 0.0
-    t12 = max(i0, 0.0)
-    t14 = max(i2, 1e-09)
-    t15 = t12 / t14
-    t16 = -(t15)
-    t17 = exp(t16)
-    t18 = 1.0 - t17
-    t19 = t18 if t11 != 0.0 else 0.0
-    t20 = 0.0 if t11 != 0.0 else 1.0
-    t22 = i0 / 3600.0
-    t23 = t22 if t20 != 0.0 else 0.0
-    t24 = t19 + t23
-    t25 = t24 if t9 != 0.0 else 0.0
-    t26 = t8 + t25
-    t27 = i1 * t26
-    w[4] = t27
-    w[5] = t26
+    t11 = 1.0 if 0.0 < i4 else 0.0
+    t13 = 6.283185307179586 * i0
+    t15 = max(i4, 1e-09)
+    t16 = t13 / t15
+    t18 = 6.283185307179586 * i5
+    t19 = t16 + t18
+    t20 = sin(t19)
+    t21 = sin(t18)
+    t22 = t20 - t21
+    t23 = t22 if t11 != 0.0 else 0.0
+    t24 = 0.0 if t11 != 0.0 else 1.0
+    t26 = 1.0 if 0.0 < i2 else 0.0
+    t27 = max(i0, 0.0)
+    t28 = max(i2, 1e-09)
+    t29 = t27 / t28
+    t30 = -(t29)
+    t31 = exp(t30)
+    t32 = 1.0 - t31
+    t33 = t32 if t26 != 0.0 else 0.0
+    t34 = 0.0 if t26 != 0.0 else 1.0
+    t36 = i0 / 3600.0
+    t37 = t36 if t34 != 0.0 else 0.0
+    t38 = t33 + t37
+    t39 = t38 if t24 != 0.0 else 0.0
+    t40 = t23 + t39
+    t41 = t40 if t9 != 0.0 else 0.0
+    t42 = t8 + t41
+    t43 = i1 * t42
+    w[6] = t43
+    w[7] = t42
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "0abfc944e5f53081"),
+    "full": law(full, "4c4e9a9c2d01eff5"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

@@ -1,12 +1,12 @@
 """Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
 
-from math import exp
+from math import exp, sin
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 1), ('v', 1), ('c', 3)), 1, (), (), (), ('v',))
-SIZE = 7
-SHARED = (7, 7)
+LAYOUT = ((('s', 1), ('v', 1), ('c', 5)), 1, (), (), (), ('v',))
+SIZE = 9
+SHARED = (9, 9)
 
 
 def full(w):
@@ -14,36 +14,51 @@ def full(w):
     i2 = w[2]
     i3 = w[3]
     i0 = w[0]
+    i5 = w[5]
+    i6 = w[6]
     i4 = w[4]
     t2 = i1 * i2
     t5 = 1.0 if 0.0 < i3 else 0.0
     t8 = i0 - 20.0
     t9 = t8 if t5 != 0.0 else 0.0
     t10 = 0.0 if t5 != 0.0 else 1.0
-    t12 = 1.0 if 0.0 < i4 else 0.0
-    t14 = max(i0, 0.0)
-    t16 = max(i4, 1e-09)
+    t12 = 1.0 if 0.0 < i5 else 0.0
+    t14 = 6.283185307179586 * i0
+    t16 = max(i5, 1e-09)
     t17 = t14 / t16
-    t18 = -(t17)
-    t19 = exp(t18)
-    t20 = 1.0 - t19
-    t21 = t20 if t12 != 0.0 else 0.0
-    t22 = 0.0 if t12 != 0.0 else 1.0
-    t24 = i0 / 3600.0
-    t25 = t24 if t22 != 0.0 else 0.0
-    t26 = t21 + t25
-    t27 = t26 if t10 != 0.0 else 0.0
-    t28 = t9 + t27
-    t29 = t2 * t28
-    t31 = t28 * i2
-    w[5] = t29
-    w[6] = t31
+    t19 = 6.283185307179586 * i6
+    t20 = t17 + t19
+    t21 = sin(t20)
+    t22 = sin(t19)
+    t23 = t21 - t22
+    t24 = t23 if t12 != 0.0 else 0.0
+    t25 = 0.0 if t12 != 0.0 else 1.0
+    t27 = 1.0 if 0.0 < i4 else 0.0
+    t29 = max(i0, 0.0)
+    t30 = max(i4, 1e-09)
+    t31 = t29 / t30
+    t32 = -(t31)
+    t33 = exp(t32)
+    t34 = 1.0 - t33
+    t35 = t34 if t27 != 0.0 else 0.0
+    t36 = 0.0 if t27 != 0.0 else 1.0
+    t38 = i0 / 3600.0
+    t39 = t38 if t36 != 0.0 else 0.0
+    t40 = t35 + t39
+    t41 = t40 if t25 != 0.0 else 0.0
+    t42 = t24 + t41
+    t43 = t42 if t10 != 0.0 else 0.0
+    t44 = t9 + t43
+    t45 = t2 * t44
+    t47 = t44 * i2
+    w[7] = t45
+    w[8] = t47
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "6b3f8959a0b78695"),
+    "full": law(full, "3babb9a92986b56f"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]

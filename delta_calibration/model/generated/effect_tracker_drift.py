@@ -1,12 +1,12 @@
 """Generated from a law of a mechanism or an effect, by `make laws`: edits are lost."""
 
-from math import exp
+from math import exp, sin
 
 from delta_calibration.model.jit import idle, law
 
-LAYOUT = ((('s', 4), ('v', 6), ('c', 2)), 3, (), (), (), ('v',))
-SIZE = 33
-SHARED = (33, 33)
+LAYOUT = ((('s', 4), ('v', 6), ('c', 4)), 3, (), (), (), ('v',))
+SIZE = 35
+SHARED = (35, 35)
 
 
 def full(w):
@@ -17,6 +17,8 @@ def full(w):
     i4 = w[4]
     i11 = w[11]
     i3 = w[3]
+    i12 = w[12]
+    i13 = w[13]
     i10 = w[10]
     i0 = w[0]
     i7 = w[7]
@@ -31,55 +33,68 @@ def full(w):
     t15 = 1.0 if t13 != 0.0 else 0.0
     t16 = t15 if t11 != 0.0 else 0.0
     t17 = 0.0 if t11 != 0.0 else 1.0
-    t19 = 1.0 if 0.0 < i10 else 0.0
-    t20 = max(i3, 0.0)
-    t22 = max(i10, 1e-09)
-    t23 = t20 / t22
-    t24 = -(t23)
-    t25 = exp(t24)
-    t26 = 1.0 - t25
-    t27 = t26 if t19 != 0.0 else 0.0
-    t28 = 0.0 if t19 != 0.0 else 1.0
-    t30 = i3 / 3600.0
-    t31 = t30 if t28 != 0.0 else 0.0
-    t32 = t27 + t31
-    t33 = t32 if t17 != 0.0 else 0.0
-    t34 = t16 + t33
-    t35 = t8 * t34
-    t39 = i9 * i0
-    t41 = i7 * i2
-    t42 = t39 - t41
-    t43 = i5 + t42
-    t44 = t43 * t34
-    t47 = i7 * i1
-    t48 = i8 * i0
-    t49 = t47 - t48
-    t50 = i6 + t49
-    t51 = t50 * t34
-    t56 = t34 * i2
-    t57 = -(t56)
-    t59 = t34 * i1
-    t62 = t34 * i0
-    t63 = -(t62)
-    t65 = -(t59)
-    w[12] = t35
-    w[13] = t44
+    t19 = 1.0 if 0.0 < i12 else 0.0
+    t21 = 6.283185307179586 * i3
+    t23 = max(i12, 1e-09)
+    t24 = t21 / t23
+    t26 = 6.283185307179586 * i13
+    t27 = t24 + t26
+    t28 = sin(t27)
+    t29 = sin(t26)
+    t30 = t28 - t29
+    t31 = t30 if t19 != 0.0 else 0.0
+    t32 = 0.0 if t19 != 0.0 else 1.0
+    t34 = 1.0 if 0.0 < i10 else 0.0
+    t35 = max(i3, 0.0)
+    t36 = max(i10, 1e-09)
+    t37 = t35 / t36
+    t38 = -(t37)
+    t39 = exp(t38)
+    t40 = 1.0 - t39
+    t41 = t40 if t34 != 0.0 else 0.0
+    t42 = 0.0 if t34 != 0.0 else 1.0
+    t44 = i3 / 3600.0
+    t45 = t44 if t42 != 0.0 else 0.0
+    t46 = t41 + t45
+    t47 = t46 if t32 != 0.0 else 0.0
+    t48 = t31 + t47
+    t49 = t48 if t17 != 0.0 else 0.0
+    t50 = t16 + t49
+    t51 = t8 * t50
+    t55 = i9 * i0
+    t57 = i7 * i2
+    t58 = t55 - t57
+    t59 = i5 + t58
+    t60 = t59 * t50
+    t63 = i7 * i1
+    t64 = i8 * i0
+    t65 = t63 - t64
+    t66 = i6 + t65
+    t67 = t66 * t50
+    t72 = t50 * i2
+    t73 = -(t72)
+    t75 = t50 * i1
+    t78 = t50 * i0
+    t79 = -(t78)
+    t81 = -(t75)
     w[14] = t51
-    w[15] = t34
-    w[22] = t34
-    w[29] = t34
-    w[24] = t57
-    w[30] = t59
-    w[19] = t56
-    w[31] = t63
-    w[20] = t65
-    w[26] = t62
+    w[15] = t60
+    w[16] = t67
+    w[17] = t50
+    w[24] = t50
+    w[31] = t50
+    w[26] = t73
+    w[32] = t75
+    w[21] = t72
+    w[33] = t79
+    w[22] = t81
+    w[28] = t78
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "1f289fd09193be48"),
+    "full": law(full, "e1cf416fc04d5fcd"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
