@@ -369,14 +369,12 @@ def in_best_shape(evidence: LinearizedModel, term: Candidate) -> Candidate:
     about = Shapes.of(evidence)
     for interval in intervals * len(intervals):  # the best value of each depends on the others
         term = _zoomed(about, term, interval)
-    return _followed(about, term) if len(intervals) > 1 else term
+    valley = term.effect is not None and term.effect.valley and len(intervals) > 1
+    return _followed(about, term) if valley else term
 
 
 def _followed(about: Shapes, term: Candidate) -> Candidate:
-    """The best shape along a common valley of the searched fields, stepping all at once.
-
-    Data may determine a combination of the fields only, such as the phase of a cycle at mid-time.
-    """
+    """The best shape along a common valley of the searched fields, stepping all at once."""
     gain = gain_of(about, term)
     for _ in range(_STEPS):
         tried = _ahead(about, term)

@@ -79,6 +79,7 @@ class Effect(ABC):
     asks_pose: ClassVar[bool] = False  # whether the answer of `missing` depends on the pose too
     # whether a tool motion changes it by hundredths of that motion only: no steps, no steep slopes
     gentle: ClassVar[bool] = False
+    valley: ClassVar[bool] = False  # whether data fix only a combination of the searched fields
     limits: ClassVar[Limits] = {}  # smallest and largest value of each numeric setting
     # settings in the joints' unit: their limits are a Delta's, and widen with the joint size
     of_joints: ClassVar[tuple[str, ...]] = ()

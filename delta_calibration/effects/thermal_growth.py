@@ -51,6 +51,7 @@ class ThermalGrowth(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), **CYCLE}
     one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant", "period")
+    valley: ClassVar[bool] = True  # of period and phase: data fix the phase at mid-time
     either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink
 
     sensor: str = ""  # part whose temperature is used; empty: growth follows time

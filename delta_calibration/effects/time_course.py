@@ -101,6 +101,7 @@ class Drift(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9), **CYCLE}
     one_of: ClassVar[tuple[str, ...]] = ("time_constant", "step_at", "period")
+    valley: ClassVar[bool] = True  # of period and phase: data fix the phase at mid-time
 
     time_constant: float = 0.0  # [s]; 0: ramp
     step_at: float = -1.0  # [s]; negative: no step
