@@ -207,7 +207,7 @@ class Chain:
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:
-    """The conditions with the readings before measurement effects, and how these move."""
+    """The conditions with the reading that the chain predicts before measurement effects."""
     return replace(
         at,
         reading=seen.before,

@@ -12,6 +12,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 from scipy.optimize import root
 
 from delta_calibration.calibration import Calibration
@@ -167,6 +169,28 @@ def test_a_lag_is_led_by_its_time_at_the_speed_of_the_command() -> None:
     np.testing.assert_allclose(compensated(made, at).correction, lag * at.velocity, atol=1e-9)
     far = with_values(made, 20 * lag)  # 180 ms at 0.5 rad/s: more than any correction may be
     assert CommandStatus.NOT_REACHED in compensated(far, at).verdicts
+
+
+def test_a_servo_that_is_led_follows_the_wanted_motion() -> None:
+    """A servo of first order, integrated on the corrected commands, to second order in T."""
+    lag, time = 5e-3, np.linspace(0.0, 4.0, 401)
+    turn = 3.0 * time[:, None] + np.array([0.0, 1.0, 2.0])
+    wanted = 0.2 + 0.1 * np.sin(turn)
+    at = replace(at_rest(wanted), velocity=0.3 * np.cos(turn), acceleration=-0.9 * np.sin(turn))
+    made = with_values(calibration("joint_lag", scatter=0.0), np.full(3, lag))
+    (effect,) = made.chain.effects
+    made = replace(made, chain=made.chain.with_effects((effect.refined(np.full(3, lag)),)))
+    command = CubicSpline(time, compensated(made, at).joint)
+    actual = solve_ivp(
+        lambda t, q: (command(t) - q) / lag,
+        (0.0, 4.0),
+        wanted[0],
+        method="Radau",
+        t_eval=time,
+        rtol=1e-10,
+        atol=1e-12,
+    ).y.T
+    np.testing.assert_allclose(actual[20:], wanted[20:], atol=0.03 * lag**2 * 0.9)
 
 
 def potential(q: np.ndarray, payload: float) -> float:

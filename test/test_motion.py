@@ -348,9 +348,11 @@ def test_a_servo_of_first_order_trails_by_its_time_constant() -> None:
 def test_other_ways_to_trail_are_compared_only_where_the_motion_shows_them(cause: str) -> None:
     count = len(effect(cause).parameters)
     quick, slow = (delayed(cause, [late] * count) for late in (4e-3, 1e-4))
-    assert {shape.bend for shape in quick.refinements(swinging())} == {0.0, 0.5, 1.0}
-    assert [shape.bend for shape in slow.refinements(swinging())] == [slow.bend]
-    assert [shape.bend for shape in effect(cause).refinements(swinging())] == [slow.bend]
+    assert {shape.second_order for shape in quick.refinements(swinging())} == {0.0, 0.5, 1.0}
+    assert [shape.second_order for shape in slow.refinements(swinging())] == [slow.second_order]
+    assert [shape.second_order for shape in effect(cause).refinements(swinging())] == [
+        slow.second_order
+    ]
     assert all(shape.times == quick.times for shape in quick.refinements(swinging()))
 
 

@@ -12,6 +12,7 @@ from blind import hide
 from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import effect_named
+from delta_calibration.errors import InputError
 from delta_calibration.robot import load_robot
 
 PERIOD, PHASE = 4000.0, 0.3
@@ -24,7 +25,7 @@ def test_growth_by_a_cycle_is_that_by_a_sensor_of_the_same_temperature(part: str
     time = np.linspace(0.0, 7200.0, 50)
     warmth = 3.0 * np.cos(2 * np.pi * (time / PERIOD + PHASE - 0.25))
     at = replace(
-        at_rest(np.tile(machine.home, (len(time), 1)) * 0.0 + 0.2),
+        at_rest(np.full((len(time), machine.joints), 0.2)),
         time=time,
         temperature_parts=("room",),
         temperature=20.0 + (warmth - warmth[0])[:, None],
@@ -35,6 +36,13 @@ def test_growth_by_a_cycle_is_that_by_a_sensor_of_the_same_temperature(part: str
     columns = by_cycle.columns(at) * 3.0 * 12e-6
     assert np.abs(columns).max() > 1e-7
     np.testing.assert_allclose(columns, by_sensor.columns(at) * 12e-6, atol=1e-15)
+
+
+@pytest.mark.parametrize("cause", ["tracker_drift", "joint_zero_drift", "thermal_growth_arm"])
+def test_a_phase_without_a_period_is_refused(cause: str) -> None:
+    robot = load_robot("srbd")
+    with pytest.raises(InputError, match=r"phase: 0\.2 is not allowed without a period"):
+        effect_named(cause, robot, robot.model(), {"phase": 0.2})
 
 
 @pytest.mark.slow

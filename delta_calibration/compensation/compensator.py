@@ -121,7 +121,7 @@ class JointCompensator:
         self._solver, self._seed = (made.solver if method == TABLE else method), seed
         tool, masses = self.robot.tool_offset, self.robot.masses
         self._drawn = drawn(self._nominal, tool, masses)
-        self._effects = tuple(effect for effect, _ in calibration.live)
+        self._effects = tuple(effect.undone for effect, _ in calibration.live)
         chain = calibration.chain.with_effects(self._effects)
         base = calibration.theta[calibration.chain.layout.base]
         theta = np.concatenate([base, *(value for _, value in calibration.live)])

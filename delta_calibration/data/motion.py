@@ -64,9 +64,9 @@ class Motion:
         near = np.clip(np.searchsorted(self.time, time), 0, len(self.time) - 1)
         near = np.where(time - self.time[last] <= self.time[near] - time, last, near)
         since = (time - self.time[near])[:, None]
-        bend = self.acceleration[near]
-        velocity = self.velocity[near] + np.where(np.abs(since) <= _GAP, since, 0.0) * bend
-        return velocity, bend, *self.sides(time)
+        acceleration = self.acceleration[near]
+        gained = np.where(np.abs(since) <= _GAP, since, 0.0) * acceleration
+        return self.velocity[near] + gained, acceleration, *self.sides(time)
 
     def sides(self, time: Array) -> tuple[Array, Array]:
         """Direction and travel of the joints at other times, each (k, m)."""

@@ -47,8 +47,8 @@ _CLEAR = 0.35  # least correlation at a window's best lag
 # [s] a smaller offset is latency, which a machine may have and `diagnose` names
 _LATENCY = {TRACKER: 0.06, STATES: 0.06, COMMAND: 0.25}
 _DRIFTED = 0.12  # [s] over the session
-_GAP = 1.0  # [s] between messages: when it moved within is not known
-_UNSEEN = 0.5  # share of a stream's way within such gaps, from which it does not show its moves
+_GAP = 1.0  # [s] between messages; when a stream moved within a longer gap is not known
+_UNSEEN = 0.5  # share of its way within such gaps, above which its motion is not known
 _LEAST_STEPS = 30
 
 

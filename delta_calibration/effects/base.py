@@ -291,6 +291,15 @@ class Effect(ABC):
         del values
         return self
 
+    @property
+    def undone(self) -> Effect:
+        """The effect as a compensator takes it, evaluated at the wanted motion; usually itself.
+
+        A corrected command moves at other speeds than the wanted motion. Only where an effect
+        delays is the difference as large as its own second term.
+        """
+        return self
+
     def doubt(self) -> Effect | None:
         """Effect of one standard deviation of an input that is not known exactly.
 

@@ -62,8 +62,8 @@ class BaseCompliance(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.BASE
     gentle: ClassVar[bool] = True
-    needs: ClassVar[tuple[str, ...]] = ("payload",)
     valley: ClassVar[bool] = True
+    needs: ClassVar[tuple[str, ...]] = ("payload",)
     called: ClassVar[str] = "base on soft feet"
     takes: ClassVar[tuple[str, ...]] = (REACTION,)
     limits: ClassVar[Limits] = {"depth": (0.0, 5.0), "radius": (0.05, 5.0)}

@@ -33,7 +33,7 @@ class JointLag(Delay):
     stage: ClassVar[Stage] = Stage.DRIVE
     takes: ClassVar[tuple[str, ...]] = (RATE, ACCELERATION)
 
-    bend: float = 1.0
+    second_order: float = 1.0
 
     @property
     def parameters(self) -> ParameterSet:

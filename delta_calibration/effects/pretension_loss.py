@@ -113,7 +113,7 @@ class PretensionLoss(CableEffect):
 
     def intervals(self) -> tuple[Interval, ...]:
         """Interval of the time constant; none for a ramp."""
-        return around(self.time_constant, -1.0)
+        return around(self.time_constant)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Time."""

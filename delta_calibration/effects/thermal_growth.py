@@ -26,9 +26,9 @@ from delta_calibration.effects.time_course import (
     TOLD,
     WARM_UP,
     around,
-    around_cycle,
     course,
     cycles,
+    wrong_cycle,
 )
 from delta_calibration.model.symbols import Symbol, where
 from delta_calibration.model.terms import Term
@@ -142,7 +142,11 @@ class ThermalGrowth(Effect):
         """Intervals of the searched fields, if the growth follows time."""
         if self.sensor:
             return ()
-        return around_cycle(self.period, self.phase) or around(self.time_constant, -1.0)
+        return around(self.time_constant, period=self.period, phase=self.phase)
+
+    def wrong(self) -> str:
+        """Also check the cycle."""
+        return super().wrong() or wrong_cycle(self.period, self.phase)
 
     @property
     def bound_to_session(self) -> bool:

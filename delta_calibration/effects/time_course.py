@@ -77,21 +77,23 @@ def cycles(at: Conditions) -> Iterator[tuple[float, float]]:
                 yield share * lasted, phase
 
 
-def around_cycle(period: float, phase: float) -> tuple[Interval, ...]:
-    """Period and phase with intervals around them; none if there is no cycle."""
-    if not period > 0:
-        return ()
-    low, high = phase - _BESIDE, phase + _BESIDE
-    return ("period", 0.85 * period, period / 0.85), ("phase", low, high)
-
-
-def around(time_constant: float, step_at: float) -> tuple[Interval, ...]:
-    """Field of the two that was searched, with an interval around it; none for a ramp."""
+def around(
+    time_constant: float, step_at: float = -1.0, period: float = 0.0, phase: float = 0.0
+) -> tuple[Interval, ...]:
+    """Fields of a course that were searched, with intervals around them; none for a ramp."""
     if step_at >= 0:
         return (("step_at", max(0.0, step_at - _NEAR), step_at + _NEAR),)
+    if period > 0:
+        low, high = phase - _BESIDE, phase + _BESIDE
+        return ("period", 0.85 * period, period / 0.85), ("phase", low, high)
     if time_constant > 0:
         return (("time_constant", time_constant / 2, 2 * time_constant),)
     return ()
+
+
+def wrong_cycle(period: float, phase: float) -> str:
+    """Reason why a cycle is invalid; empty if it is valid, or if there is none."""
+    return f"phase: {phase} is not allowed without a period" if phase and not period else ""
 
 
 @dataclass(frozen=True)
@@ -127,8 +129,11 @@ class Drift(Effect):
 
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the searched fields; none for a ramp."""
-        cycle = around_cycle(self.period, self.phase)
-        return cycle or around(self.time_constant, self.step_at)
+        return around(self.time_constant, self.step_at, self.period, self.phase)
+
+    def wrong(self) -> str:
+        """Also check the cycle."""
+        return super().wrong() or wrong_cycle(self.period, self.phase)
 
     @property
     def bound_to_session(self) -> bool:

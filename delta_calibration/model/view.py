@@ -223,8 +223,8 @@ def _see_around(
         copy_into(sample, signals)
         copy_into(room.aside, x)
         for i in range(len(own.joint)):
-            rate, bend = signals[at[RATE] + i], signals[at[ACCELERATION] + i]
-            sample[at[JOINT] + i] += when * (rate + when / 2 * bend)
+            rate, change = signals[at[RATE] + i], signals[at[ACCELERATION] + i]
+            sample[at[JOINT] + i] += when * (rate + when / 2 * change)
         if not stand(body, stages, sample, g, theta, near, stray, room.aside, own):
             return False
         _place_reflector(body, stages, device, sample, theta, room.aside, room, room.there)
@@ -251,9 +251,10 @@ def _see_each(
     """Fill in the results of every sample, one after the other."""
     m, own, sample = body.limbs.sizes[M], room.state, room.signals
     reshaped = len(stages.structure.law) > 0
-    rates, at, bends = stages.at[RATE], stages.at[READING], stages.at[READING_ACCELERATION]
-    bent = takes(last, bends, 3)
-    wanted = bent or asked == READINGS or takes(last, stages.at[READING_RATE], 3)
+    rates, at = stages.at[RATE], stages.at[READING]
+    accelerations = stages.at[READING_ACCELERATION]
+    accelerated = takes(last, accelerations, 3)
+    wanted = accelerated or asked == READINGS or takes(last, stages.at[READING_RATE], 3)
     take_dimensions(body, g, own)
     if not reshaped:
         copy_into(found.geometry[0], g)
@@ -261,9 +262,9 @@ def _see_each(
         x, before, reading = found.x[row], found.before[row], found.reading[row]
         moving = wanted and _is_moving(signals[row], rates, m)
         around = found.acceleration[row]
-        bending = bent and moving
-        if bending:
-            bending = _see_around(
+        known = accelerated and moving
+        if known:
+            known = _see_around(
                 body, stages, device, signals[row], g, theta, near, stray, x, room, around
             )
         copy_into(sample, signals[row])
@@ -280,7 +281,7 @@ def _see_each(
             continue
         _place_reflector(body, stages, device, sample, theta, x, room, before)
         for i in range(3):
-            around[i] = (around[i] - 2 * before[i]) / MOMENT**2 if bending else 0.0
+            around[i] = (around[i] - 2 * before[i]) / MOMENT**2 if known else 0.0
         some = row if asked != NOTHING else 0
         if asked != NOTHING or moving:
             by_joints, jacobian = found.by_joints[some], found.jacobian[some]
@@ -292,7 +293,7 @@ def _see_each(
         for i in range(3):
             sample[at + i] = reading[i] = before[i]
             sample[stages.at[READING_RATE] + i] = found.rate[row, i]
-            sample[bends + i] = around[i]
+            sample[accelerations + i] = around[i]
         add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
             _by_device(body, device, room.turned, own, found.jacobian[row])
