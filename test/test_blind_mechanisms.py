@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from blind import hide
+from blind import drives, hide
 from blind.kinds import KINDS, OTHERS
 from blind.winches import CDPR8
 from delta_calibration.data import collect, survey
@@ -176,6 +176,19 @@ def test_a_cause_beside_a_thousand_times_stronger_one_of_another_kind_is_named()
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [9861, 9862])
+def test_friction_that_hardly_lets_go_is_not_play(monkeypatch: pytest.MonkeyPatch, seed: int):
+    """Static friction 1.5 times Coulomb's; the joint stops within the pre-sliding, without it.
+
+    What does not go with speed was named backlash, and the rest stick-slip beside it.
+    """
+    monkeypatch.setattr(drives, "_COULOMB", 1 / 1.5)
+    monkeypatch.setattr(drives, "_PRESLIDING", 0.5e-3)
+    monkeypatch.setattr(drives, "_STRIBECK", 0.02)
+    said = judge(Task("single", seed, (("stick_slip", 4000.0),), robot="scara").key)
+    assert [f["cause"] for f in said["findings"]] == ["stick_slip"]
+
+
 def test_a_clean_scara_raises_no_alarm():
     said = judge(Task("test", 1, robot="scara").key)
     assert not said["findings"]

@@ -234,7 +234,7 @@ SEARCHED = {
     **{drift: {"step_at"} | COURSE for drift in ("tracker_drift", "joint_zero_drift")},
     **{f"thermal_growth_{part}": COURSE for part in ("arm", "base", "forearm")},
     "transmission_error": {"cycles"},
-    "stick_slip": {"speed", "level"},
+    "stick_slip": {"speed", "level", "stopped"},
     "ball_joint_clearance": {"force"},
     "backlash": {"held_by"},
     "base_compliance": {"depth", "radius"},

@@ -402,6 +402,27 @@ def test_friction_lets_go_by_stribecks_law() -> None:
         np.testing.assert_allclose(columns, np.tile(-sign * law.y[0][:, None], 3), atol=1e-9)
 
 
+def test_a_joint_that_stops_within_the_presliding_keeps_the_twist_of_its_motion() -> None:
+    """Bristles of the LuGre model, integrated through a stop: short ones follow, long ones stay.
+
+    z' = v - |v| z / (s g(v)), g(v) = c + (1 - c) exp(-(v / v_s)^2); the twist is a z / s.
+    """
+    v_s, c, slowing = 0.05, 0.6, 2.0  # [rad/s], 1, [rad/s^2]
+
+    def bend(s: float) -> float:
+        def change(t: float, z: list[float]) -> list[float]:
+            v = slowing * (0.5 - t)
+            return [v - v * z[0] / (s * (c + (1 - c) * np.exp(-((v / v_s) ** 2))))]
+
+        found = solve_ivp(change, (0, 0.5), [s * c], rtol=1e-9, atol=1e-12, max_step=1e-3)
+        return float(found.y[0, -1] / s)
+
+    at = replace(at_rest(np.zeros((1, 3))), direction=np.ones((1, 3)))
+    for s, stopped, most in ((1e-6, 1.0, 0.01), (1e-1, 0.0, 0.01)):
+        law = effect("stick_slip", speed=v_s, level=c, stopped=stopped)
+        assert -law.columns(at)[0, 0, 0] == pytest.approx(bend(s), abs=most)
+
+
 def test_a_harmonic_goes_on_beyond_a_turn() -> None:
     """Over eight turns 33.5 cycles a turn are one spectral line; wrapped they are not."""
     n, turns, size, phase = 4096, 8, 1.3e-4, 0.7

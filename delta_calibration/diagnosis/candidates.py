@@ -56,10 +56,16 @@ class Candidate:
         return self.effect is None or not self.effect.bounded_intervals()
 
     @property
-    def forms(self) -> int:
-        """Number of sizes and widths of which the likeliest is taken for a map; otherwise 1."""
-        family = self.effect.moves_with if self.unexplained and self.effect is not None else None
-        return 1 if family is None else len(SIZES) * len(reaches(family))
+    def choices(self) -> float:
+        """Factor by which its choice among alternatives is paid, beyond the tries of a search.
+
+        For a map the number of sizes and widths of which the likeliest is taken; for a cause how
+        rare the shape is.
+        """
+        if self.effect is None:
+            return 1.0
+        family = self.effect.moves_with if self.unexplained else None
+        return self.effect.rarity if family is None else len(SIZES) * len(reaches(family))
 
     @property
     def depends_on(self) -> frozenset[str]:

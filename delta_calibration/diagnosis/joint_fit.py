@@ -141,7 +141,7 @@ class JointFit:
         log_b = maps.log_bayes + log_bayes(
             information, b, value, sizes([self.candidates[i] for i in named])
         )
-        choices = self.tries[list(terms)] * [self.candidates[i].forms for i in terms]
+        choices = self.tries[list(terms)] * [self.candidates[i].choices for i in terms]
         return max(0.0, gain), log_b - float(np.log(choices).sum())
 
     def _maps(self, maps: tuple[int, ...]) -> _Maps:

@@ -220,7 +220,7 @@ class Weighed:
         candidate, value, b = best.candidate, best.value, best.b
         information = _scaled(best.information, best.units)
         spans = [slice(0, len(value))] if candidate.sized else []
-        choices = tries_of[not candidate.plain] * candidate.forms
+        choices = tries_of[not candidate.plain] * candidate.choices
         return Score(
             candidate=candidate,
             value=value,

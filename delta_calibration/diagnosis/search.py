@@ -348,7 +348,7 @@ def _likeliest(
     """The likeliest of the known fits and of some sets of explanations, each fitted in full."""
 
     def price_of_choice(fit: Fitted) -> float:
-        return sum(float(np.log(as_score(m, tried).tries * m.forms)) for m in fit.terms)
+        return sum(float(np.log(as_score(m, tried).tries * m.choices)) for m in fit.terms)
 
     fitted = [*((fit, fits.cost(fit)) for fit in known), *fits.of(sets)]
     best, _ = min(fitted, key=lambda one: one[1] + price_of_choice(one[0]))

@@ -235,6 +235,11 @@ class Effect(ABC):
         """Yield the effect in each form that has a law of its own; by default itself."""
         yield self
 
+    @property
+    def rarity(self) -> float:
+        """How many times rarer than the usual shapes of its cause this one is, 1 or more."""
+        return 1.0
+
     def refinements(self, at: Conditions) -> Iterator[Effect]:
         """Yield the shapes tried once the cause was found; by default those of the search."""
         yield from self.shapes(at)
