@@ -138,7 +138,9 @@ class HeldOutModels:
         time if the others hold enough information on it; and it must reduce the error in metres.
         For a strong signal that leaves only noise, the error need only not grow significantly: if
         it shows in few samples, chance decides which they are. A map only interpolates: it has to
-        reduce the error enough where it interpolates and must not raise it in unseen sectors.
+        reduce the error enough where it interpolates and must not raise it in unseen sectors. Of
+        a dimension the others may tell too little, as they also determine all other dimensions:
+        then the error in metres alone has to fall significantly.
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
@@ -149,10 +151,13 @@ class HeldOutModels:
         if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
         alike = self._alike.get(id(term), PRECISION)
-        if any(foretold(evidence, columns, bounds, each, alike) < FORETOLD for each in parts):
+        foreseen = min(foretold(evidence, columns, bounds, each, alike) for each in parts)
+        if foreseen < FORETOLD and term.effect is not None:
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
         held = self.gain(before, after, columns, rng)
+        if foreseen < FORETOLD and not held.low > 0.0:
+            return None
         if term.unexplained:
             return held if held.low >= WORTH else None
         value = model.scaled(term)

@@ -131,6 +131,11 @@ class Fitted(ABC):
     def quieter(self, found: Fitted) -> Fitted:
         """The fit with less noise, if the causes found explain a part of the estimated noise."""
 
+    def loosened(self, scatter: float) -> Fitted:
+        """The same fit, with the prior of every dimension `scatter` of its tolerances wide."""
+        del scatter
+        return self
+
     @abstractmethod
     def rested(self) -> Fitted:
         """The same model with all unknowns converged on all that was measured."""

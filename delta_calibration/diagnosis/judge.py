@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
+    ALPHA,
     LEAST_SURE,
     LIKELIER,
     MOST,
@@ -105,6 +106,9 @@ def judged(
     quiet = start.quieter(sought.model)
     if quiet is not start:
         start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
+    loose = _loosened(start, sought.model)
+    if loose is not start:
+        start, sought = loose, find(loose, effects, rng)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
     if not said and sought.mapped:
@@ -156,6 +160,16 @@ def judged(
         cannot_tell=unseen(found.model.evidence, terms, effects, findings, unknown),
     )
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
+
+
+def _loosened(start: Fitted, found: Fitted) -> Fitted:
+    """The machine without terms, its dimensions with the scatter that they have beside these.
+
+    Where they exceed their tolerances, these tell nothing: held by them the dimensions would leave
+    errors, and a cause be found that is none.
+    """
+    scatter = scatter_of(found.beside)
+    return start.loosened(scatter.tau) if scatter.log_p < np.log(ALPHA) else start
 
 
 def _less_than_a_law(

@@ -18,6 +18,7 @@ from delta_calibration.diagnosis.constants import (
     STRAYED,
 )
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
+from delta_calibration.diagnosis.geometry import loosened
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
@@ -56,13 +57,15 @@ class Model(Fitted):
     terms: tuple[Candidate, ...] = ()
     near: Array | None = None  # (n, k) approximate poses of the platform
     seen: LinearizedModel | None = None  # the evidence, if it is already known
+    scatter: float = 1.0  # of the dimensions, in tolerances
     memo: Memo = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def gathered(self) -> LinearizedModel:
         """The evidence of poses and paths."""
         if self.seen is not None:
             return self.seen
-        return gather(self.survey, self.extended, self.theta, self.cell, self.near)
+        seen = gather(self.survey, self.extended, self.theta, self.cell, self.near)
+        return seen if self.scatter == 1.0 else loosened(seen, self.scatter)
 
     @property
     def population(self) -> Population | None:
@@ -171,6 +174,14 @@ class Model(Fitted):
             return self
         problem = replace(self.problem, measured=problem.measured)
         return solved(self.survey, replace(self.cell, noise=noise), problem)
+
+    def loosened(self, scatter: float) -> Model:
+        """The same fit, with wider priors of the dimensions.
+
+        A dimension held within its tolerance although it exceeds it leaves errors that others, or
+        a cause, would be taken for.
+        """
+        return _joined(replace(self, scatter=scatter, seen=None))
 
     def everything(self) -> Model:
         """The same fit, with the poses that it set aside as gross errors in use again."""
