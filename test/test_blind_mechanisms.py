@@ -188,6 +188,12 @@ def test_friction_that_hardly_lets_go_is_not_play(monkeypatch: pytest.MonkeyPatc
     assert [f["cause"] for f in said["findings"]] == ["stick_slip"]
 
 
+def test_play_is_not_friction_that_hardly_lets_go():
+    """At a level near 1 the two are one law; but for its rarity stick-slip would be named."""
+    said = judge(Task("single", 9813, (("backlash", 2000.0),), robot="five_axis").key)
+    assert [f["cause"] for f in said["findings"]] == ["backlash"]
+
+
 def test_a_dimension_far_from_the_drawing_leaves_no_unknown_beside_its_name():
     """Sixteen of its tolerances off: the others, held by theirs, had shown a map by position."""
     said = judge(Task("single", 905035, (("joint_zero_offset", 400.0),), robot="five_axis").key)

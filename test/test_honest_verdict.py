@@ -12,8 +12,9 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.data import Survey, at_rest, collect, survey
 from delta_calibration.diagnosis import Verdict, calibrated, diagnose, judge
-from delta_calibration.diagnosis.candidates import Candidate, maps
-from delta_calibration.diagnosis.findings import HeldOutModels
+from delta_calibration.diagnosis.candidates import Candidate, dimensions, maps, subsets
+from delta_calibration.diagnosis.findings import HeldOutModels, of_dimension
+from delta_calibration.diagnosis.geometry import Outlier
 from delta_calibration.diagnosis.identifiability import _too_small
 from delta_calibration.diagnosis.judge import _shipped, _unknown
 from delta_calibration.diagnosis.residual_tests import ResidualTests, misses_alike
@@ -120,6 +121,24 @@ def test_what_predicts_held_out_poses_worse_is_not_shipped(start, overfitted, in
 def test_a_map_that_does_harm_in_sectors_not_seen_is_not_borne_out(overfitted):
     held = HeldOutModels(overfitted)
     assert not held.foretells((), overfitted.terms)
+
+
+# What a strong cause leaves is no dimension
+
+
+def test_a_weakly_known_dimension_is_not_named_beside_a_strong_cause(start):
+    """With a signal that would be named on its own; a stronger one is named beside it as well."""
+    seen = survey(hide({"thermal_growth_arm": 1.2}, 1).session, ROBOT.joints.names)
+    warm = calibrated(seen, ROBOT)
+    grown = next(one for one in subsets(effect("thermal_growth_arm")) if one.location is None)
+    beside = warm.fitted((grown,))
+    cases = (beside, 42.0, False), (beside, 200.0, True), (start, 42.0, True)
+    for model, signal, named in cases:
+        found, held = SearchResult(model, Scan((), 1), Scan((), 1), ()), HeldOutModels(model)
+        rod = next(d for d in dimensions(model.evidence) if d.cause == "forearm_length")
+        outlier = Outlier(rod, 6.0, signal / 36.0, -20.0, 9.0, 0.9)
+        rng = np.random.default_rng(2)
+        assert (of_dimension(found, 1.0, outlier, held, rng) is not None) == named
 
 
 # A map and a correction do not extend beyond their data

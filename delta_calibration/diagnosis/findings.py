@@ -53,6 +53,7 @@ from delta_calibration.diagnosis.geometry import (
 )
 from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.model_selection import decrease_of, least_of
 from delta_calibration.diagnosis.open_shapes import open_shape
 from delta_calibration.diagnosis.rivals import Rivalry, equivalents, named, standing
 from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of, precision_of
@@ -301,10 +302,17 @@ def of_dimension(
     held: HeldOutModels,
     rng: np.random.Generator,
 ) -> Finding | None:
-    """Finding of a dimension that is an outlier to the machine's scatter; None if it is not."""
+    """Finding of a dimension that is an outlier to the machine's scatter; None if it is not.
+
+    Beside causes it needs the least signal of one more cause: a dimension that the poses hardly
+    determine takes up what the model of a strong cause leaves.
+    """
     if outlier.log_p > np.log(ALPHA) or outlier.share < MUCH_OF or outlier.log_bayes <= 0:
         return None
     model, candidate = found.model, outlier.candidate
+    length = outlier.value**2 * outlier.information
+    if not length > least_of(decrease_of(model), model, candidate, model.terms):
+        return None
     evidence = at_scatter(beside(held.evidence, model.terms), tau)
     bare = without_geometry(held.evidence)
     columns = columns_of(candidate, evidence)
@@ -312,7 +320,6 @@ def of_dimension(
     sector = held.gain(held.frame, alone, Plain(columns), rng)
     signal = columns @ np.array([outlier.value])
     others = [s for s in found.first.scores if s.candidate.cause != candidate.cause]
-    length = outlier.value**2 * outlier.information
     apart = float(np.clip(outlier.log_bayes, None, 500.0))
     stand = Rivalry(
         confidence=named(length) / (1 + float(np.exp(-apart))),

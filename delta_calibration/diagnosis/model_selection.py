@@ -61,13 +61,15 @@ def worth_it(here: Scan, model: Fitted) -> Score | None:
         score
         for score in here.scores
         if worth_of(score) > 0
-        and score.gain > _least(explained, model, score.candidate, model.terms)
+        and score.gain > least_of(explained, model, score.candidate, model.terms)
         and here.significant(score)
     ]
     return max(good, key=worth_of, default=None)
 
 
-def _least(explained: float, model: Fitted, one: Candidate, others: Sequence[Candidate]) -> float:
+def least_of(
+    explained: float, model: Fitted, one: Candidate, others: Sequence[Candidate]
+) -> float:
     """Least lambda of one more explanation beside others.
 
     No model is perfect: what the others leave may be their own error, and then varies with what
@@ -197,7 +199,7 @@ class Worth:
             log_p = self._chance(i).log_p(alone, self.model.noise_degrees)
             log_p += float(np.log(self.together.tries[i]))
             others = [candidates[j] for j in rest]
-            least = _least(gain - alone, self.model, candidates[i], others)
+            least = least_of(gain - alone, self.model, candidates[i], others)
             if log_p + np.log(self.here.tests) > np.log(ALPHA) or alone < least:
                 return -np.inf
             log_b -= shadow(candidates[i], alone)
