@@ -41,7 +41,7 @@ class StickSlip(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = {
         "speed": ("speed", "rad/s"),
         "level": ("level", "1"),
-        "stopped": ("stopped", "1"),
+        "stopped": ("kept_at_rest", "1"),
     }
     remedy: ClassVar[Remedy] = Remedy(
         REPAIR,
@@ -104,11 +104,12 @@ class StickSlip(Effect):
         return float(np.exp(max(0.0, self.level - _USUAL) ** 2 / (2 * _RARE**2)))
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Searched fields, each between its neighbours in the search."""
+        """Searched fields, each between its neighbours in the search; up to `_MOST` the level."""
+        most = min(self.level + _NEXT, max(self.level, _MOST))
         stopped = ("stopped", 0.0, _NEARLY_ALL)
         return (
             ("speed", self.speed / 2, 2 * self.speed),
-            ("level", max(0.0, self.level - _NEXT), min(self.level + _NEXT, 1.0)),
+            ("level", max(0.0, self.level - _NEXT), most),
             *((stopped,) if self.stopped < 1.0 else ()),
         )
 
@@ -116,5 +117,6 @@ class StickSlip(Effect):
 _SPEEDS = 0.01, 0.03, 0.1, 0.3  # [rad/s of a Delta]
 _NEXT = 0.15
 _LEVELS = _NEXT, 3 * _NEXT, 5 * _NEXT
+_MOST = 0.8  # static friction less than 1.25 times Coulomb's is not told from backlash
 _STOPPED, _NEARLY_ALL = (0.75, 0.25), 0.99  # r = 1 is not searched
 _USUAL, _RARE = 0.6, 0.07  # level up to which all are as likely, and its spread beyond
