@@ -367,8 +367,8 @@ def test_the_seed_decides_effects():
             "joint_zero_drift:period=3000,phase=0.2",
             {"period": 3000.0, "phase": 0.2, "step_at": -1.0},
         ),
-        ("stick_slip:speed=0.03", {"speed": 0.03, "level": 0.0}),
-        ("stick_slip:level=0.4", {"speed": 0.1, "level": 0.4}),
+        ("stick_slip:speed=0.03", {"speed": 0.03, "level": 0.0, "stopped": 1.0}),
+        ("stick_slip:level=0.4", {"speed": 0.1, "level": 0.4, "stopped": 1.0}),
         ("ball_joint_clearance:force=0.5", {"force": 0.5, "end": 0.0}),
     ],
 )

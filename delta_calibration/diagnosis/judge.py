@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
     ALPHA,
+    LACKING,
     LEAST_SURE,
     LIKELIER,
     MOST,
@@ -63,6 +64,7 @@ from delta_calibration.diagnosis.verdict import (
     Verdict,
 )
 from delta_calibration.effects import Effect
+from delta_calibration.errors import DataError
 
 Array = NDArray[np.float64]
 
@@ -106,9 +108,7 @@ def judged(
     quiet = start.quieter(sought.model)
     if quiet is not start:
         start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
-    loose = _loosened(start, sought.model)
-    if loose is not start:
-        start, sought = loose, find(loose, effects, rng)
+    start, sought = _sought_again(start, sought, effects, rng)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
     if not said and sought.mapped:
@@ -162,12 +162,30 @@ def judged(
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
 
 
+def _sought_again(
+    start: Fitted, sought: SearchResult, effects: Sequence[Effect], rng: np.random.Generator
+) -> tuple[Fitted, SearchResult]:
+    """The start and the result of a search with wider priors of the dimensions, where needed.
+
+    Those of before if the wider priors lead to machines that cannot reach the poses.
+    """
+    loose = _loosened(start, sought.model)
+    if loose is start:
+        return start, sought
+    try:
+        return loose, find(loose, effects, rng)
+    except DataError:
+        return start, sought
+
+
 def _loosened(start: Fitted, found: Fitted) -> Fitted:
     """The machine without terms, its dimensions with the scatter that they have beside these.
 
     Where they exceed their tolerances, these tell nothing: held by them the dimensions would leave
-    errors, and a cause be found that is none.
+    errors, and a cause be found that is none. Not if structure is left, which bends them.
     """
+    if found.misfit > LACKING:
+        return start
     scatter = scatter_of(found.beside)
     return start.loosened(scatter.tau) if scatter.log_p < np.log(ALPHA) else start
 

@@ -179,9 +179,10 @@ class Model(Fitted):
         """The same fit, with wider priors of the dimensions.
 
         A dimension held within its tolerance although it exceeds it leaves errors that others, or
-        a cause, would be taken for.
+        a cause, would be taken for. Itself if the wider ones lead out of reach.
         """
-        return _joined(replace(self, scatter=scatter, seen=None))
+        wider = _joined(replace(self, scatter=scatter, seen=None))
+        return wider if np.isfinite(_residual(wider)).all() else self
 
     def everything(self) -> Model:
         """The same fit, with the poses that it set aside as gross errors in use again."""
