@@ -195,7 +195,7 @@ def test_play_is_not_friction_that_hardly_lets_go():
 
 
 def test_a_dimension_far_from_the_drawing_leaves_no_unknown_beside_its_name():
-    """Sixteen of its tolerances off: the others, held by theirs, had shown a map by position."""
+    """Many of its tolerances off: the others, held by theirs, had shown a map by position."""
     said = judge(Task("single", 905035, (("joint_zero_offset", 400.0),), robot="five_axis").key)
     assert [(f["cause"], f["location"]) for f in said["findings"]] == [
         ("joint_zero_offset", "joint_3")

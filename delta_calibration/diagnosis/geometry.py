@@ -171,13 +171,6 @@ def at_scatter(evidence: LinearizedModel, tau: float) -> LinearizedModel:
     return replace(evidence, precision=precision)
 
 
-def loosened(evidence: LinearizedModel, scatter: float) -> LinearizedModel:
-    """The evidence with the prior of every dimension `scatter` times as wide."""
-    precision = evidence.precision.copy()
-    precision[evidence.chain.layout.geometry] /= scatter**2
-    return replace(evidence, precision=precision)
-
-
 def _unlikeliness(values: Array, along: Array, scatters: Array) -> Array:
     """-2 ln L at each scatter, without the terms that do not depend on it."""
     weaker = scatters[:, None] ** -2.0

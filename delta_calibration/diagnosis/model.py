@@ -18,7 +18,7 @@ from delta_calibration.diagnosis.constants import (
     STRAYED,
 )
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
-from delta_calibration.diagnosis.geometry import loosened
+from delta_calibration.diagnosis.geometry import at_scatter
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
@@ -65,7 +65,7 @@ class Model(Fitted):
         if self.seen is not None:
             return self.seen
         seen = gather(self.survey, self.extended, self.theta, self.cell, self.near)
-        return seen if self.scatter == 1.0 else loosened(seen, self.scatter)
+        return seen if self.scatter == 1.0 else at_scatter(seen, self.scatter)
 
     @property
     def population(self) -> Population | None:
