@@ -23,6 +23,7 @@ from delta_calibration.errors import ConfigError
 from delta_calibration.geometry import Camera
 from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import MECHANISMS, Drives, Mechanism
+from delta_calibration.mechanisms.consistency import faults_told, require_consistent
 from delta_calibration.sections import (
     angle,
     choice,
@@ -403,8 +404,10 @@ def _robot(data: Document, path: str) -> Robot:
         )
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from error
-    _require_joints(robot, data["joints"])
-    _require_home(robot, data)
+    with faults_told(kind, path):
+        _require_joints(robot, data["joints"])
+        _require_consistent(robot)
+        _require_home(robot, data)
     return robot
 
 
@@ -499,6 +502,13 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
                 f"{robot.source}: joints: {name} has {keys['lower']} {low} not below "
                 f"{keys['upper']} {high}"
             )
+
+
+def _require_consistent(robot: Robot) -> None:
+    try:
+        require_consistent(robot.model())
+    except ConfigError as error:
+        raise ConfigError(f"{robot.source}: {error}") from error
 
 
 def _require_home(robot: Robot, data: Document) -> None:

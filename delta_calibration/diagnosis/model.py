@@ -23,6 +23,7 @@ from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gath
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
 from delta_calibration.diagnosis.verdict import SessionFacts
+from delta_calibration.effects import SPREAD
 from delta_calibration.estimation import (
     Near,
     Population,
@@ -341,13 +342,15 @@ def _settled(model: Model, everywhere: bool) -> Model:
     beside its floor. The iterative fit follows the valley.
     """
     problem, free = model.extended, np.ones(len(model.theta), dtype=bool)
+    basis = problem.basis.copy()
     for term, own in zip(model.terms, model.layout.each, strict=True):
-        if term.effect is None:
+        if term.effect is None:  # an excess over its tolerance beside the deviation within it
+            basis[list(term.rows)] *= np.sqrt(1 + SPREAD**2)
             continue
         free[own] = False
         free[entries(own)[list(term.rows)]] = _shows_at_rest(model, term)
     held = np.where(free, problem.theta0, model.theta)
-    start = replace(problem, theta0=held).only(free)
+    start = replace(problem, theta0=held, basis=basis).only(free)
     solution = solve(start, Near(start.unknowns(model.theta)), everywhere=everywhere)
     cell = replace(model.cell, weight=solution.weight)
     return replace(model, theta=solution.theta, cell=cell, near=None, seen=None)

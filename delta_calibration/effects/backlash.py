@@ -41,7 +41,6 @@ from delta_calibration.effects.signals import (
     Places,
     nominal,
 )
-from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.chain_constants import OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
@@ -109,7 +108,7 @@ class Backlash(Effect):
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Loads that never decide the flank, that always do, and frictions between these."""
         yield replace(self, held_by=0.0)
-        if not isinstance(self.mechanism, DeltaModel) or self.robot.masses is None:
+        if not self.mechanism.weighed or self.robot.masses is None:
             return
         if not replace(self, held_by=1.0).missing(at):
             torques = np.abs(self._load(at))
@@ -139,7 +138,7 @@ class Backlash(Effect):
         If a joint is held on one side at all poses, its backlash looks like a zero offset. If the
         payload is not known, neither is the torque, and such backlash was not searched.
         """
-        if not isinstance(self.mechanism, DeltaModel) or not len(at):
+        if not self.mechanism.weighed or not len(at):
             return None
         torque = self._load(at)
         held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)

@@ -22,7 +22,7 @@ from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import JOINT, LOAD, POSE, Places
-from delta_calibration.effects.springs import DeltaLoadEffect
+from delta_calibration.effects.springs import RodLoadEffect
 from delta_calibration.mechanisms.delta_leg import DeltaModel
 from delta_calibration.model.chain_constants import FREE_FALL
 from delta_calibration.model.symbols import Symbol, maximum, sign, sin, tanh, where
@@ -31,7 +31,7 @@ from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class BallJointClearance(DeltaLoadEffect):
+class BallJointClearance(RodLoadEffect):
     """The same clearance in every rod."""
 
     cause: ClassVar[str] = "ball_joint_clearance"

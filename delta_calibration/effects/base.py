@@ -51,6 +51,8 @@ Setting = float | str | tuple[float, ...]
 Limits = Mapping[str, tuple[float, float]]
 Interval = tuple[str, float, float]
 
+# units of joints that turn: those of joints that slide, and the power of the joint size between
+_SLIDING = {"rad/(N m)": ("m/N", 2), "N m": ("N", -1)}
 SENSOR = "sensor"  # the setting that names the part whose thermometer an effect uses
 SPREAD = 5.0  # an effect may well be this many times its typical size; twenty is not expected
 
@@ -409,10 +411,14 @@ class Effect(ABC):
         return self._of_joints(unit)[0]
 
     def _of_joints(self, unit: str) -> tuple[str, float]:
-        """Unit for these joints, and the number of it equivalent to one radian of a Delta."""
+        """Unit for these joints, and the number of it equivalent to one of a Delta's joint."""
+        own = self.mechanism
+        if own.joint_unit == "m" and unit in _SLIDING:
+            sliding, power = _SLIDING[unit]
+            return sliding, own.joint_size**power
         if not unit.startswith("rad"):
             return unit, 1.0
-        return unit.replace("rad", self.mechanism.joint_unit, 1), self.mechanism.joint_size
+        return unit.replace("rad", own.joint_unit, 1), own.joint_size
 
     def shared(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf

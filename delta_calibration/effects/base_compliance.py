@@ -78,8 +78,7 @@ class BaseCompliance(Effect):
     @property
     def suits(self) -> bool:
         """Whether the robot file can state its masses, and it has a single base, not posts."""
-        weighed = self.mechanism.Masses is not None or isinstance(self.mechanism, SerialArm)
-        return weighed and not self.mechanism.pulls
+        return self.mechanism.weighed or isinstance(self.mechanism, SerialArm)
 
     @property
     def parameters(self) -> ParameterSet:

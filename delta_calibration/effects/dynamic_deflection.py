@@ -16,13 +16,13 @@ from delta_calibration.effects.base import Stage
 from delta_calibration.effects.regressor import ACCELERATION, Regressor
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import INERTIA
-from delta_calibration.effects.springs import GIVE, MOST_GIVE, DeltaLoadEffect
+from delta_calibration.effects.springs import GIVE, MOST_GIVE, LoadEffect
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class DynamicDeflection(DeltaLoadEffect):
+class DynamicDeflection(LoadEffect):
     """Deflection of the drives by the torque that accelerates arms, rods, platform, payload."""
 
     cause: ClassVar[str] = "dynamic_deflection"
@@ -38,8 +38,9 @@ class DynamicDeflection(DeltaLoadEffect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """1/k [rad/(N m)], the same for all joints."""
-        return self.shared("dynamic_compliance", "rad/(N m)", GIVE, 0.0, MOST_GIVE)
+        """1/k [rad/(N m), m/N], the same for all joints."""
+        unit, size = self._of_joints("rad/(N m)")
+        return self.shared("dynamic_compliance", unit, size * GIVE, 0.0, size * MOST_GIVE)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Acceleration of the joint."""

@@ -16,14 +16,14 @@ from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.rods import lengthened, pairs, pulls
 from delta_calibration.effects.signals import LOAD, Places
-from delta_calibration.effects.springs import DeltaLoadEffect
+from delta_calibration.effects.springs import RodLoadEffect
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
 
 
 @dataclass(frozen=True)
-class ForearmCompliance(DeltaLoadEffect):
+class ForearmCompliance(RodLoadEffect):
     """Elastic stretch of each rod, all of one stiffness."""
 
     cause: ClassVar[str] = "forearm_compliance"

@@ -15,11 +15,11 @@ from delta_calibration.effects.base import Array
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import GRAVITY, INERTIA
-from delta_calibration.effects.springs import DeltaLoadEffect, DriveCompliance
+from delta_calibration.effects.springs import DriveCompliance, LoadEffect
 
 
 @dataclass(frozen=True)
-class JointCompliance(DriveCompliance, DeltaLoadEffect):
+class JointCompliance(DriveCompliance, LoadEffect):
     """Elastic twist of each drive behind its encoder."""
 
     cause: ClassVar[str] = "joint_compliance"
@@ -32,16 +32,17 @@ class JointCompliance(DriveCompliance, DeltaLoadEffect):
     kind: ClassVar[str] = "drive"
 
     def regressor(self, at: Conditions) -> Regressor:
-        """Torque of weight and inertia on the joint of the nominal machine."""
+        """Torque, or force, of weight and inertia on the joint of the nominal machine."""
         del at
-        return Regressor("torque of weight and inertia on the joint [N m]", self._torque)
+        force = Regressor("force of weight and inertia on the joint [N]", self._load)
+        return Regressor("torque of weight and inertia on the joint [N m]", self._load, force)
 
     def groups(self, at: Conditions, joint: int) -> Groups:
         """Groups by payload."""
         del joint
         return by_payload(at)
 
-    def _torque(self, at: Conditions, joint: int) -> Array:
-        """Torque of weight and inertia about one joint of the nominal machine, (n,) [N m]."""
+    def _load(self, at: Conditions, joint: int) -> Array:
+        """Load of weight and inertia on one joint of the nominal machine, (n,) [N m, N]."""
         signals = self.nominal(at)
         return signals.of(GRAVITY)[:, joint] + signals.of(INERTIA)[:, joint]

@@ -2,7 +2,8 @@
 
 dq = -tau / k        tau = dU/dq + J^T M a
 
-for a drive, with the torque of the weight that it holds and of the inertia that it accelerates.
+for a drive, with the torque of the weight that it holds and of the inertia that it accelerates;
+tau is a force where the drive slides.
 """
 
 from __future__ import annotations
@@ -20,14 +21,24 @@ GIVE, MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] compliance 1/k of a drive: expected,
 
 
 @dataclass(frozen=True)
-class DeltaLoadEffect(Effect):
-    """Base of the effects of loads in a rotary Delta."""
+class LoadEffect(Effect):
+    """Base of the effects of the loads of drives that push as well as pull."""
 
     needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property
     def suits(self) -> bool:
-        """Whether the mechanism is a rotary Delta, whose loads are known."""
+        """Whether the loads of the drives follow from masses in the robot file."""
+        return self.mechanism.weighed
+
+
+@dataclass(frozen=True)
+class RodLoadEffect(LoadEffect):
+    """Base of the effects of the forces in the rods of a rotary Delta."""
+
+    @property
+    def suits(self) -> bool:
+        """Whether the mechanism is a rotary Delta."""
         return isinstance(self.mechanism, DeltaModel)
 
 
@@ -42,7 +53,7 @@ class DriveCompliance(Effect):
 
     @property
     def parameters(self) -> ParameterSet:
-        """1/k of each joint [rad/(N m)]: drives and reducers have 1e4 to 1e5 N m/rad."""
+        """1/k of each joint [rad/(N m), m/N]: rotary drives have 1e4 to 1e5 N m/rad."""
         return self.each_joint("compliance", "rad/(N m)", GIVE, 0.0, MOST_GIVE)
 
     @staticmethod

@@ -1,21 +1,18 @@
-"""A base plate that grows with its temperature and carries the motors outward."""
+"""A base that grows with its temperature and carries motors, guides or anchors outward."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from delta_calibration.effects.base import Array
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.thermal_growth import ThermalGrowth
-from delta_calibration.mechanisms.delta_leg import DeltaModel
 
 
 @dataclass(frozen=True)
 class ThermalGrowthBase(ThermalGrowth):
-    """A base plate that grows with its temperature and carries the motors outward."""
+    """A base that grows with its temperature and carries motors, guides or anchors outward."""
 
     cause: ClassVar[str] = "thermal_growth_base"
     remedy: ClassVar[Remedy] = Remedy(
@@ -26,13 +23,6 @@ class ThermalGrowthBase(ThermalGrowth):
     )
     part: ClassVar[str] = "base"
 
-    @property
-    def suits(self) -> bool:
-        """Whether the mechanism is a rotary Delta, which has such a plate."""
-        return isinstance(self.mechanism, DeltaModel)
-
     def lengths(self) -> Array:
         """Nominal lengths that grow with the part, 0 elsewhere, (p,) [m]."""
-        names = self.mechanism.parameters.names
-        radial = [name.startswith(("base_radial", "joint_radial")) for name in names]
-        return np.where(radial, self.robot.dimensions.base_radius, 0.0)
+        return self.mechanism.base_lengths

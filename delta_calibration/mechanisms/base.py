@@ -170,6 +170,20 @@ class Mechanism(ABC):
         return np.zeros(0)
 
     @property
+    def weighed(self) -> bool:
+        """Whether a robot file states its masses, and its limbs push as well as pull."""
+        return self.Masses is not None and not self.pulls
+
+    @property
+    def base_lengths(self) -> Array:
+        """Lengths of the base that dimensions contain and grow with it, 0 elsewhere, (p,) [m].
+
+        By default the coordinates of the joints on the base, about the base frame's origin.
+        """
+        own = [p.cause == "base_joint_position" and p.unit == "m" for p in self.parameters]
+        return np.where(own, self.parameters.nominal, 0.0)
+
+    @property
     def home_pose(self) -> Array:
         """A pose in the middle of the workspace, (k,)."""
         return np.zeros(self.pose_size)
@@ -650,7 +664,7 @@ class Mechanism(ABC):
     def turn(self, x: Array) -> Array:
         """Turn (n, 3) [rad] of the orientation at poses x (n, k), as `task` takes it."""
         none = np.zeros((len(x), 3))
-        none[:, : self.pose_size - 3] = x[:, 3:6]
+        none[:, : max(0, self.pose_size - 3)] = x[:, 3:6]
         return none
 
     @property

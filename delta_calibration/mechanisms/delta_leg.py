@@ -196,6 +196,13 @@ class DeltaModel(Mechanism):
         return np.concatenate([np.zeros((1, 3)), motors, np.zeros((LEGS, 3))])
 
     @property
+    def base_lengths(self) -> Array:
+        """Radius of the base in the dimension that places each leg radially, (p,) [m]."""
+        names = self.parameters.names
+        radial = [name.startswith(("base_radial", "joint_radial")) for name in names]
+        return np.where(radial, self.dimensions.base_radius, 0.0)
+
+    @property
     def _outwards(self) -> Array:
         """Unit vectors from the axis to the legs, (3, 3)."""
         stands = np.array(self.dimensions.stands)
