@@ -8,6 +8,10 @@ to its stamp below. b is not searched with the cause but compared once the cause
 
 The inverse of the series, y + T dy/dt + (1 - b) T^2 d2y/dt2 with the derivatives of the wanted y,
 is the command that undoes it: the same law with b - 1, solved backward.
+
+The third term of the series, c T^3 d3y/dt3 with c = 0, 1/6 and 1 for b = 0, 1/2 and 1, is left
+out: no recorded signal holds the derivative. Differences of the second one show how far the term
+may move T, by which the stated interval is widened.
 """
 
 from __future__ import annotations
@@ -20,8 +24,11 @@ import numpy as np
 
 from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Array, Effect, Limits
+from delta_calibration.effects.signals import TIME, Signals
+from delta_calibration.parameters import ParameterSet
 
 _KINDS = (0.0, 0.5, 1.0)  # b if extrapolated, delayed, filtered
+_NEAR = 0.5  # [s] readings farther apart belong to different motions
 _SLIGHT = 5e-3  # of the first term: a second term as small as this is not worth a comparison
 
 
@@ -68,3 +75,46 @@ class Delay(Effect):
     def _with(self, **fields: Any) -> Effect:
         other: Effect = replace(self, **fields)
         return other
+
+
+@dataclass(frozen=True)
+class ThirdTerm(Effect):
+    """Third term of the series of a delay, which its law leaves out."""
+
+    cause: ClassVar[str] = "third_term"
+    kind: ClassVar[str] = "measurement"
+
+    delay: Delay
+
+    @property
+    def parameters(self) -> ParameterSet:
+        """Times of the delay."""
+        return self.delay.parameters
+
+    def columns_of(
+        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
+    ) -> Array:
+        """See `Effect.columns_of`: c T^2 d3y/dt3, (n, d, k) [m/s, rad/s]; needs whole sessions."""
+        b, times = self.delay.second_order, np.array(self.delay.times or (0.0,))
+        third = (4 * b**2 - b) / 3 * times**2 * _slope(signals, self.delay.takes[-1])
+        one = len(self.parameters) == 1
+        own = third[:, :, None] if one else third[:, :, None] * np.eye(len(self.parameters))
+        return np.asarray(own if by_stage is None else by_stage @ own)
+
+
+def _slope(signals: Signals, name: str) -> Array:
+    """Derivative of a signal by time, (n, d), from readings near in time; 0 where there are none.
+
+    The mean of the slopes to the reading before and to the one after.
+    """
+    order = np.argsort(signals.of(TIME)[:, 0])
+    time, value = signals.of(TIME)[order], signals.of(name)[order]
+    step, rise = np.diff(time, axis=0), np.diff(value, axis=0)
+    near = (step > 0) & (step < _NEAR)
+    slope = np.divide(rise, step, out=np.zeros_like(rise), where=near)
+    none = np.zeros((1, slope.shape[1]))
+    slope, near = np.vstack([none, slope, none]), np.vstack([[[False]], near, [[False]]])
+    count = near[1:].astype(float) + near[:-1]
+    result = np.empty_like(value)
+    result[order] = (slope[1:] + slope[:-1]) / np.maximum(count, 1.0)
+    return result

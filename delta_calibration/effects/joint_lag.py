@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Stage
-from delta_calibration.effects.delay import Delay
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.delay import Delay, ThirdTerm
 from delta_calibration.effects.regressor import VELOCITY, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import ACCELERATION, RATE
@@ -45,7 +45,16 @@ class JointLag(Delay):
         del at
         return VELOCITY
 
+    def doubt(self) -> Effect:
+        """The third term of the series."""
+        return _ThirdTerm(self.robot, self.mechanism, self)
+
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """-T dq/dt + b T^2 d2q/dt2, one T of the second term being a constant."""
         return v[0] * (c[0] * s[1] - s[0])
+
+
+@dataclass(frozen=True)
+class _ThirdTerm(ThirdTerm):
+    stage: ClassVar[Stage] = Stage.DRIVE

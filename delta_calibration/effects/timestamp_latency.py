@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Stage
-from delta_calibration.effects.delay import Delay
+from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.delay import Delay, ThirdTerm
 from delta_calibration.effects.regressor import READING_SPEED, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import READING_ACCELERATION, READING_RATE
@@ -44,7 +44,16 @@ class TimestampLatency(Delay):
         del at
         return READING_SPEED
 
+    def doubt(self) -> Effect:
+        """The third term of the series."""
+        return _ThirdTerm(self.robot, self.mechanism, self)
+
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """-T dy/dt + b T^2 d2y/dt2, one T of the second term being a constant."""
         return v[0] * (c[0] * s[3:6] - s[0:3])
+
+
+@dataclass(frozen=True)
+class _ThirdTerm(ThirdTerm):
+    stage: ClassVar[Stage] = Stage.MEASUREMENT
