@@ -506,7 +506,7 @@ def _require_joints(robot: Robot, section: Mapping[str, Any]) -> None:
 
 def _require_consistent(robot: Robot) -> None:
     try:
-        require_consistent(robot.model())
+        require_consistent(robot.model(), robot.masses)
     except ConfigError as error:
         raise ConfigError(f"{robot.source}: {error}") from error
 

@@ -59,8 +59,8 @@ def test_it_is_that_of_the_series(at, cause, count, second, third):
     np.testing.assert_allclose(found, wanted[inside], atol=limit)
 
 
-def test_what_is_left_out_bends_the_time_by_less_than_it_says(at):
-    """The law fitted by least squares to exact delays of 20 ms is off by less than the doubt."""
+def test_what_is_left_out_bends_the_time_as_far_as_it_says(at):
+    """The law fitted by least squares to exact delays of 20 ms is off by about the doubt."""
     robot = load_robot("srbd")
     effect = effect_named("timestamp_latency", robot, robot.model(), {})
     effect = replace(effect, second_order=0.5, times=(LATE,))

@@ -662,11 +662,11 @@ def test_play_that_weight_holds_shut_is_said_to_be_a_zero(evidence) -> None:
     assert "backlash held by weight" not in reasons(evidence)  # at its edges an arm is lifted
     told = reasons(measured(radius=0.15))["backlash held by weight"]
     assert told.between == ("backlash held by weight", "joint_zero_offset")
-    assert told.because.startswith("the torque of the weight on every joint has the same sign")
+    assert told.because.startswith("the load of the weight on every joint has the same sign")
     assert "balanced" in told.next
     hanging, lifted = np.zeros(3), np.array([1.2, 0.0, 0.0])  # [rad] one arm past the vertical
     because = backlash.disguised(loaded(np.stack([hanging, lifted])))[2]
-    assert because.startswith("the torque of the weight on joints joint_2, joint_3 has")
+    assert because.startswith("the load of the weight on joints joint_2, joint_3 has")
     assert backlash.disguised(loaded(np.stack([lifted, lifted[[1, 0, 2]], lifted[::-1]]))) is None
     untold = backlash.disguised(at_rest(hanging[None]))  # the payload is not known
     assert untold[1] == "none"

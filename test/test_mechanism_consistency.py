@@ -31,6 +31,27 @@ class OtherFreedom(Hexapod):
     freedoms = (1, 0, 2, 3, 4, 5)
 
 
+class SwappedTurns(Hexapod):
+    freedoms = (0, 1, 2, 4, 3, 5)
+
+
+class TwiceTheSame(Hexapod):
+    freedoms = (0, 1, 2, 3, 4, 4)
+
+
+class MissingRow(Hexapod):
+    limbs = (*Hexapod.limbs[:-1], Limb((5,), tuple(range(35, 42)), (4,)))
+
+
+class IdleJoint(Hexapod):
+    limbs = (*Hexapod.limbs[:-1], Limb((4,), tuple(range(35, 42)), (5,)))
+
+
+class LostMass(Hexapod):
+    def weights(self, masses):
+        return np.zeros(1) if masses is None else np.array([masses.on_platform, 1.0])
+
+
 class OtherTask(Hexapod):
     def task(self, position, turn):
         return np.concatenate([position, 0 * turn], axis=1)
@@ -94,7 +115,12 @@ def load(tmp_path, monkeypatch):
     ("kind", "told"),
     [
         (NoFreedom, r"freedoms: \(0, 1, 2, 3, 4\) is not allowed; 6 different ones of 0 to 5"),
-        (OtherFreedom, "coordinate 1 of the pose is stated to be y, but moves the platform by"),
+        (OtherFreedom, "coordinate 1 of the pose is stated to be y, but moves and turns"),
+        (SwappedTurns, "coordinate 4 of the pose is stated to be a turn about y, but moves"),
+        (TwiceTheSame, r"freedoms: .* is not allowed; 6 different ones of 0 to 5"),
+        (MissingRow, r"rows \[0, 1, 2, 3, 4\] of the closure are not allowed"),
+        (IdleJoint, "no limb has joint 5"),
+        (LostMass, r"weights gives 2 masses, weights\(None\) 1"),
         (OtherTask, "not the first 6 of the pose's coordinates"),
         (OtherPoint, "not the first 6 of the pose's coordinates"),
         (NoSuchDimension, "limb 6: dimensions: 42 is not allowed; 0 to 41"),
@@ -108,6 +134,22 @@ def load(tmp_path, monkeypatch):
 def test_a_fault_is_told(kind, told, load):
     with pytest.raises(ConfigError, match=rf"hexapod.yaml: mechanism hexapod.*{told}"):
         load(kind)
+
+
+def test_a_home_pose_of_whole_numbers_is_one(load):
+    """Starting values had been cut to whole metres with it."""
+
+    class Whole(Hexapod):
+        home_pose = (0, 0, 1, 0, 0, 0)
+
+        @property
+        def home(self):
+            return self.inverse(np.array([[0, 0, 0.65, 0, 0, 0]]), self.parameters.nominal)[0]
+
+    model = load(Whole).model()
+    x = np.array([[0.05, -0.02, 0.7, 0.1, 0.05, -0.1]])
+    start = model.start_joints(x, model.parameters.nominal)
+    np.testing.assert_allclose(start, model.inverse(x, model.parameters.nominal), atol=1e-12)
 
 
 def test_a_pose_of_two_numbers_has_no_turn(load):

@@ -55,6 +55,9 @@ def test_a_base_that_grows_is_named(robot):
     said = verdict(robot, Machine(rng, growth=GROWTH), rng, places=80)
     (found,) = said.findings
     assert found.cause == "thermal_growth_base"
+    (value,), (std,) = values(found)
+    assert abs(value - 12 * GROWTH) < 3 * std  # 12 K in the end
+    assert std < 6 * GROWTH
     assert found.confidence > 0.9
     assert not said.unknown_structure.found
 
@@ -70,6 +73,7 @@ def test_a_leg_far_off_its_drawing_has_its_length(robot, seed):
     (value,), (std,) = values(found)
     nominal = robot.model().parameters.nominal[20]
     assert abs(value - (machine.leg[2] - nominal)) < 2.5 * std
+    assert std < 0.2e-3
 
 
 def test_nothing_is_named_where_nothing_is_wrong(robot):

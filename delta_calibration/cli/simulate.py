@@ -42,8 +42,9 @@ Drive:
   transmission_error    value: amplitude; cycles=N per turn (default: gear
                         ratio); second=2: also a wave of twice the order
   joint_scale joint_compliance joint_lag
-  backlash              on a Delta, held_by=N m: loads above it hold the gear
-                        on one flank (0: none does)
+  backlash              with masses in the robot file, held_by=N m (N if the
+                        joint slides): loads above it hold the gear on one
+                        flank (0: none does)
   joint_zero_drift      linear over an hour; or time_constant=S, step_at=S,
                         period=S [s]
   stick_slip            falls to level= (0 by default) of its value above
@@ -173,7 +174,7 @@ def command(
     third of that.
 
     --effect hides a cause of error in the machine. Every cause takes strength=S, in units of a
-    typical size; most take value=V, in SI units (rad, m, s, 1/K, rad/(N m), ...); causes of a
+    typical size; most take value=V, in SI units (rad, m, 1/K, rad/(N m), m/N, ...); causes of a
     single joint take location=NAME, with the joint's name in the robot file. Anything not given is
     drawn at random: phases, the course of a drift and, with a strength, signs and shares. The list
     below shows which causes each robot can have.

@@ -60,6 +60,7 @@ from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of, preci
 from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.set_aside import set_aside
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
+from delta_calibration.effects import SPREAD
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.lazy import cached_property
 from delta_calibration.parameters import Parameter
@@ -259,13 +260,15 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     uniformly distributed in its interval. They follow from the residuals, including the uncertain
     shape (GUM type A), and from uncertain conditions (type B).
     """
-    columns = products_of(term, evidence)
+    columns, precision = products_of(term, evidence), PRECISION
     misfit = max(1.0, model.misfit)
-    values = evidence.beside(columns, np.full(columns.width, PRECISION))
+    if term.effect is None:  # its whole deviation is stated, not the excess over that of all
+        evidence, precision = without(evidence, np.array(term.rows)), 1 / (1 + SPREAD**2)
+    values = evidence.beside(columns, np.full(columns.width, precision))
     left = open_shape(term, evidence, model.scaled(term), misfit)
     of_shape = np.linalg.inv(values.information(left.columns) / misfit + np.diag(left.precision))
     evidence = evidence.beside(Plain(left.columns), left.precision * misfit)
-    normal = evidence.information_of(columns) + PRECISION * np.eye(columns.width)
+    normal = evidence.information_of(columns) + precision * np.eye(columns.width)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()
     if doubt is not None:
@@ -327,18 +330,33 @@ def of_dimension(
         signal=length,
     )
     items = items_of(model, candidate)
-    nominal = np.array([p.nominal for p in items])
+    off, spread = _whole_deviation(evidence, candidate, tau, max(1.0, model.misfit))
     finding = _finding(
         candidate,
         items,
-        nominal + outlier.value * np.array([p.prior for p in items]),
-        np.array([1 / np.sqrt(outlier.information + PRECISION)]),
+        np.array([p.nominal + float(off[0]) * p.prior for p in items]),
+        spread,
         stand,
         outlier.log_p,
         sector,
         separated_by(evidence, candidate, stand.equivalents),
     )
     return replace(finding, action=action_of(candidate, held.mm(alone)))
+
+
+def _whole_deviation(
+    evidence: LinearizedModel, dimension: Candidate, tau: float, misfit: float
+) -> tuple[Array, Array]:
+    """Deviation of a dimension, of which its excess is a part, and its standard deviation, (1,).
+
+    In tolerances; `tau` is the scatter of all dimensions.
+    """
+    columns = columns_of(dimension, evidence)
+    alone = without(evidence, np.array(dimension.rows))
+    normal = alone.information(columns) + np.eye(1) / (tau**2 + SPREAD**2)
+    along = columns.T @ alone.weigh(alone.column)
+    value = np.asarray(np.linalg.solve(normal, along)[:, 0])
+    return value, np.asarray(np.sqrt(np.diag(np.linalg.inv(normal)) * misfit))
 
 
 def of_geometry(

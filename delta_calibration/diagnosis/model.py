@@ -323,8 +323,9 @@ def _cost(model: Model, misfit: float) -> float:
     for term in model.terms:
         if term.effect is None:
             rows = list(term.rows)
-            parts.append(own[rows])
-            own[rows] = 0.0
+            excess = own[rows] / (1 + (model.scatter / SPREAD) ** 2)
+            parts.append(excess)
+            own[rows] -= excess
         else:
             parts.append(model.values(term) / typical_of(term))
     return model.beside.cost(np.concatenate([own, *parts]), misfit)
@@ -343,9 +344,10 @@ def _settled(model: Model, everywhere: bool) -> Model:
     """
     problem, free = model.extended, np.ones(len(model.theta), dtype=bool)
     basis = problem.basis.copy()
+    basis[model.layout.geometry] *= model.scatter
     for term, own in zip(model.terms, model.layout.each, strict=True):
-        if term.effect is None:  # an excess over its tolerance beside the deviation within it
-            basis[list(term.rows)] *= np.sqrt(1 + SPREAD**2)
+        if term.effect is None:  # it has an excess beside the deviation of all dimensions
+            basis[list(term.rows)] *= np.sqrt(1 + (SPREAD / model.scatter) ** 2)
             continue
         free[own] = False
         free[entries(own)[list(term.rows)]] = _shows_at_rest(model, term)

@@ -1,4 +1,4 @@
-"""Backlash between motor and arm: the arm rests on one flank of the gap.
+"""Backlash between motor and arm, or slider: the arm rests on one flank of the gap.
 
     dq = -(gap / 2) sign(tau)                      where |tau| > held_by
     dq = -(gap / 2) play(direction, travel)        elsewhere
@@ -6,10 +6,10 @@
 The force on the arm decides which flank it is. Friction of the arm (its bearing, its ball joints)
 keeps the arm half the gap behind in the last direction of motion: after a reversal the gap is
 crossed over the first `width` of travel, and the arm then stays on that flank. Where the torque
-tau of weight and inertia exceeds friction, `held_by` [N m], it holds the arm on its own flank,
+tau of weight and inertia exceeds friction, `held_by` [N m, N], it holds the arm on its own flank,
 whatever the direction of approach. The flank then changes where tau changes its sign, by the pose
-or the payload. On a rotary Delta with known masses and payload a diagnosis searches for `held_by`
-among the torques of the session.
+or the payload. On a mechanism with known masses and payload a diagnosis searches for `held_by`
+among the torques of the session, or the forces of joints that slide.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Backlash(Effect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"held_by": ("friction", "N m")}
 
     width: tuple[float, ...] = ()  # (m,) [rad] travel over which the gap is crossed
-    held_by: float = 0.0  # [N m] torque above which loads decide the flank; 0: they never do
+    held_by: float = 0.0  # [N m, N] load above which loads decide the flank; 0: they never do
 
     @property
     def parameters(self) -> ParameterSet:
@@ -129,7 +129,7 @@ class Backlash(Effect):
         return super().missing(at)
 
     def _load(self, at: Conditions) -> Array:
-        """Torque of weight on the joints of the nominal machine, (n, m) [N m]."""
+        """Load of weight on the joints of the nominal machine, (n, m) [N m, N]."""
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
@@ -140,8 +140,9 @@ class Backlash(Effect):
         """
         if not self.mechanism.weighed or not len(at):
             return None
-        torque = self._load(at)
-        held = np.abs(np.sign(torque).sum(axis=0)) == len(torque)
+        load = self._load(at)
+        side = np.where(np.abs(load) > _ROUNDING * np.abs(load).max(), np.sign(load), 0.0)
+        held = np.abs(side.sum(axis=0)) == len(load)
         if not held.any():
             return self._not_searched(at)
         joints = "every joint"
@@ -151,10 +152,9 @@ class Backlash(Effect):
         return (
             _HELD,
             "joint_zero_offset",
-            f"the torque of the weight on {joints} has the same sign at all poses: it closes the "
+            f"the load of the weight on {joints} has the same sign at all poses: it closes the "
             "backlash, which is then not visible from either side of approach",
-            "measure with the weight balanced or its torque reversed (spring or counterweight on "
-            "the arms)",
+            "measure with the weight balanced or its load reversed (by a spring or counterweight)",
         )
 
     def _not_searched(self, at: Conditions) -> tuple[str, str, str, str] | None:
@@ -163,7 +163,7 @@ class Backlash(Effect):
         return (
             _HELD,
             "none",
-            f"{NO_PAYLOAD}, and so neither is the torque that may hold the backlash on one side: "
+            f"{NO_PAYLOAD}, and so neither is the load that may hold the backlash on one side: "
             "only backlash that follows the direction of motion was searched",
             "record the payload: its mass and its centre",
         )

@@ -51,7 +51,7 @@ Setting = float | str | tuple[float, ...]
 Limits = Mapping[str, tuple[float, float]]
 Interval = tuple[str, float, float]
 
-# units of joints that turn: those of joints that slide, and the power of the joint size between
+# unit for joints that turn: unit for joints that slide, and power of the joint size to convert by
 _SLIDING = {"rad/(N m)": ("m/N", 2), "N m": ("N", -1)}
 SENSOR = "sensor"  # the setting that names the part whose thermometer an effect uses
 SPREAD = 5.0  # an effect may well be this many times its typical size; twenty is not expected
@@ -308,10 +308,10 @@ class Effect(ABC):
         return self
 
     def doubt(self) -> Effect | None:
-        """Effect of one standard deviation of an input that is not known exactly.
+        """Effect of one standard deviation of an input that is not known, or of a term left out.
 
         It has the same parameters as this effect and widens stated intervals (GUM, type B). None
-        if the inputs are known well enough.
+        if there is nothing of the kind.
         """
         return None
 
@@ -388,7 +388,7 @@ class Effect(ABC):
     ) -> ParameterSet:
         """One parameter per joint, `name` with the joint's number.
 
-        Sizes in radians are those of a Delta's joint; others have them times their joint size.
+        Sizes are those of a Delta's joint, which turns; they are converted by the joint size.
         """
         unit, size = self._of_joints(unit)
         sizes = (size * prior, size * lower, size * upper)
@@ -407,7 +407,7 @@ class Effect(ABC):
         return _one_a_joint(self.cause, names[: 2 * count], unit, sizes, own.limb, own.joints)
 
     def unit_of(self, unit: str) -> str:
-        """A unit with the joints' unit in place of the radian."""
+        """A unit of joints that turn, as it is for these joints."""
         return self._of_joints(unit)[0]
 
     def _of_joints(self, unit: str) -> tuple[str, float]:

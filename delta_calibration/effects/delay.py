@@ -105,16 +105,14 @@ class ThirdTerm(Effect):
 def _slope(signals: Signals, name: str) -> Array:
     """Derivative of a signal by time, (n, d), from readings near in time; 0 where there are none.
 
-    The mean of the slopes to the reading before and to the one after.
+    From the reading before to the one after, or to the only one of them that is near.
     """
     order = np.argsort(signals.of(TIME)[:, 0])
     time, value = signals.of(TIME)[order], signals.of(name)[order]
     step, rise = np.diff(time, axis=0), np.diff(value, axis=0)
-    near = (step > 0) & (step < _NEAR)
-    slope = np.divide(rise, step, out=np.zeros_like(rise), where=near)
-    none = np.zeros((1, slope.shape[1]))
-    slope, near = np.vstack([none, slope, none]), np.vstack([[[False]], near, [[False]]])
-    count = near[1:].astype(float) + near[:-1]
+    near = step < _NEAR
+    step, rise = (np.pad(near * change, ((1, 1), (0, 0))) for change in (step, rise))
+    step, rise = step[1:] + step[:-1], rise[1:] + rise[:-1]
     result = np.empty_like(value)
-    result[order] = (slope[1:] + slope[:-1]) / np.maximum(count, 1.0)
+    result[order] = np.divide(rise, step, out=np.zeros_like(rise), where=step > 0)
     return result

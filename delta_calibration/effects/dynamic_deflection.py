@@ -23,7 +23,7 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class DynamicDeflection(LoadEffect):
-    """Deflection of the drives by the torque that accelerates arms, rods, platform, payload."""
+    """Deflection of the drives by the load that accelerates all masses and the payload."""
 
     cause: ClassVar[str] = "dynamic_deflection"
     remedy: ClassVar[Remedy] = Remedy(

@@ -1,8 +1,8 @@
-"""Elastic drives: one torsion spring per joint, loaded by weight and inertia.
+"""Elastic drives: one spring per joint, loaded by weight and inertia.
 
 dq = -tau / k        tau = dU/dq + J^T M a
 
-for arms, rods, platform and payload (model/loads.py). At rest only their weight acts.
+of all masses in the robot file and the payload (model/loads.py). At rest only their weight acts.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class JointCompliance(DriveCompliance, LoadEffect):
         COMPENSATE,
         "drives",
         "compensate the compliance of the drives, or make them stiffer",
-        "hang a known weight on the arm with the motor held and read a dial gauge at its end",
+        "hang a known weight on the machine with the motors held and read a dial gauge there",
     )
     kind: ClassVar[str] = "drive"
 

@@ -31,10 +31,19 @@ class LoadEffect(Effect):
         """Whether the loads of the drives follow from masses in the robot file."""
         return self.mechanism.weighed
 
+    @property
+    def unsuited(self) -> str:
+        """Reason: cables, or a mechanism whose robot file has no masses."""
+        if self.mechanism.pulls:
+            return super().unsuited
+        return f"the robot file of a {self.mechanism.name} has no masses, from which loads follow"
+
 
 @dataclass(frozen=True)
-class RodLoadEffect(LoadEffect):
+class RodLoadEffect(Effect):
     """Base of the effects of the forces in the rods of a rotary Delta."""
+
+    needs: ClassVar[tuple[str, ...]] = ("payload",)
 
     @property
     def suits(self) -> bool:

@@ -238,7 +238,7 @@ class Mechanism(ABC):
 
     def start(self, q: Array, g: Array) -> Array:
         """Starting pose of forward kinematics, near the wanted assembly mode, (n, k)."""
-        x = np.tile(self.home_pose, (len(q), 1))
+        x = np.tile(np.asarray(self.home_pose, dtype=float), (len(q), 1))
         if self._opening is not None:
             every = self.limbs
             joints, dimensions = (
@@ -254,7 +254,7 @@ class Mechanism(ABC):
         """Starting joints of inverse kinematics, near the wanted working mode, (n, m)."""
         if self.reaching is None:
             return np.tile(self.home, (len(task), 1))
-        x = np.tile(self.home_pose, (len(task), 1))
+        x = np.tile(np.asarray(self.home_pose, dtype=float), (len(task), 1))
         x[:, : self.task_size] = task
         return self._reached(x, g)
 
