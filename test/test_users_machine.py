@@ -7,6 +7,7 @@ import pytest
 
 from delta_calibration.data import Paths, Survey
 from delta_calibration.diagnosis import diagnose
+from delta_calibration.effects import effect_named
 from delta_calibration.mechanisms import MECHANISMS
 from delta_calibration.robot import load_robot
 from hexapod import LEGS, Hexapod, Machine, write_robot
@@ -74,6 +75,20 @@ def test_a_leg_far_off_its_drawing_has_its_length(robot, seed):
     nominal = robot.model().parameters.nominal[20]
     assert abs(value - (machine.leg[2] - nominal)) < 2.5 * std
     assert std < 0.2e-3
+
+
+def test_loads_of_sliding_joints_are_forces(robot):
+    """1 rad of a Delta's joint is 0.3 m here: 1 rad/(N m) is 0.09 m/N, and 1 N m 3.3 N."""
+    delta = load_robot("srbd")
+    for cause in ("joint_compliance", "dynamic_deflection"):
+        ours, theirs = (effect_named(cause, r, r.model(), {}) for r in (robot, delta))
+        first = theirs.parameters.items[0]
+        for item in ours.parameters:
+            assert item.prior == pytest.approx(0.09 * first.prior)
+            assert item.upper == pytest.approx(0.09 * first.upper)
+            assert item.unit == "m/N"
+    play = effect_named("backlash", robot, robot.model(), {})
+    assert play.unit_of("N m") == "N"
 
 
 def test_nothing_is_named_where_nothing_is_wrong(robot):

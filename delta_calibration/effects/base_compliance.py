@@ -134,7 +134,7 @@ class BaseCompliance(Effect):
     def remedied(self, lacking: str) -> str:
         """Advice to state the masses, if these are missing."""
         if lacking == _UNWEIGHED:
-            return "state mass_kg of the links in the robot file"
+            return "state the masses in the robot file (mass_kg of each link, if it is an arm)"
         return super().remedied(lacking)
 
     def regressor(self, at: Conditions) -> Regressor:
