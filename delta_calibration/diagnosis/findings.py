@@ -48,6 +48,7 @@ from delta_calibration.diagnosis.geometry import (
     at_scatter,
     displaced,
     offset_rows,
+    with_whole,
     without,
     without_geometry,
 )
@@ -60,7 +61,6 @@ from delta_calibration.diagnosis.scores import PRECISION, Score, log_p_of, preci
 from delta_calibration.diagnosis.search import SearchResult
 from delta_calibration.diagnosis.set_aside import set_aside
 from delta_calibration.diagnosis.verdict import Estimate, Finding, Held
-from delta_calibration.effects import SPREAD
 from delta_calibration.effects.base import SENSOR
 from delta_calibration.lazy import cached_property
 from delta_calibration.parameters import Parameter
@@ -260,15 +260,16 @@ def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tupl
     uniformly distributed in its interval. They follow from the residuals, including the uncertain
     shape (GUM type A), and from uncertain conditions (type B).
     """
-    columns, precision = products_of(term, evidence), PRECISION
+    columns = products_of(term, evidence)
+    precision = np.full(columns.width, PRECISION)
     misfit = max(1.0, model.misfit)
-    if term.effect is None:  # its whole deviation is stated, not the excess over that of all
-        evidence, precision = without(evidence, np.array(term.rows)), 1 / (1 + SPREAD**2)
-    values = evidence.beside(columns, np.full(columns.width, precision))
+    if term.effect is None:
+        evidence, precision = with_whole(evidence, np.array(term.rows))
+    values = evidence.beside(columns, precision)
     left = open_shape(term, evidence, model.scaled(term), misfit)
     of_shape = np.linalg.inv(values.information(left.columns) / misfit + np.diag(left.precision))
     evidence = evidence.beside(Plain(left.columns), left.precision * misfit)
-    normal = evidence.information_of(columns) + precision * np.eye(columns.width)
+    normal = evidence.information_of(columns) + np.diag(precision)
     variance = np.diag(np.linalg.inv(normal)) * misfit
     doubt = None if term.effect is None else term.effect.doubt()
     if doubt is not None:
@@ -330,7 +331,7 @@ def of_dimension(
         signal=length,
     )
     items = items_of(model, candidate)
-    off, spread = _whole_deviation(evidence, candidate, tau, max(1.0, model.misfit))
+    off, spread = _off_the_drawing(evidence, candidate, max(1.0, model.misfit))
     finding = _finding(
         candidate,
         items,
@@ -344,17 +345,17 @@ def of_dimension(
     return replace(finding, action=action_of(candidate, held.mm(alone)))
 
 
-def _whole_deviation(
-    evidence: LinearizedModel, dimension: Candidate, tau: float, misfit: float
+def _off_the_drawing(
+    evidence: LinearizedModel, dimension: Candidate, misfit: float
 ) -> tuple[Array, Array]:
-    """Deviation of a dimension, of which its excess is a part, and its standard deviation, (1,).
+    """How far a dimension is off its drawing and the standard deviation of that, (1,) each.
 
-    In tolerances; `tau` is the scatter of all dimensions.
+    Both in tolerances.
     """
     columns = columns_of(dimension, evidence)
-    alone = without(evidence, np.array(dimension.rows))
-    normal = alone.information(columns) + np.eye(1) / (tau**2 + SPREAD**2)
-    along = columns.T @ alone.weigh(alone.column)
+    evidence, precision = with_whole(evidence, np.array(dimension.rows))
+    normal = evidence.information(columns) + np.diag(precision)
+    along = columns.T @ evidence.weigh(evidence.column)
     value = np.asarray(np.linalg.solve(normal, along)[:, 0])
     return value, np.asarray(np.sqrt(np.diag(np.linalg.inv(normal)) * misfit))
 

@@ -32,6 +32,7 @@ from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION
 from delta_calibration.diagnosis.tails import log_chi2, log_t
+from delta_calibration.effects import SPREAD
 from delta_calibration.theta import entries
 
 Array = NDArray[np.float64]
@@ -148,6 +149,18 @@ def without(evidence: LinearizedModel, rows: NDArray[np.int64]) -> LinearizedMod
     kept = np.setdiff1d(np.arange(evidence.nuisance.shape[2]), rows)
     precision = np.delete(evidence.precision, rows)
     return replace(evidence, nuisance=evidence.nuisance[:, :, kept], precision=precision)
+
+
+def with_whole(
+    evidence: LinearizedModel, rows: NDArray[np.int64]
+) -> tuple[LinearizedModel, Array]:
+    """The evidence for how far named dimensions are off their drawing, and their priors.
+
+    A search knows only their excess over the scatter of all dimensions. The whole deviation takes
+    the place of both; the precision of its prior, (k,), follows from those of the two.
+    """
+    scatter = evidence.precision[rows]
+    return without(evidence, rows), scatter / (1 + scatter * SPREAD**2)
 
 
 def without_geometry(evidence: LinearizedModel) -> LinearizedModel:

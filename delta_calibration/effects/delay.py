@@ -79,7 +79,7 @@ class Delay(Effect):
 
 @dataclass(frozen=True)
 class ThirdTerm(Effect):
-    """Third term of the series of a delay, which its law leaves out."""
+    """The third term of a delay's series, which the law of the delay leaves out."""
 
     cause: ClassVar[str] = "third_term"
     kind: ClassVar[str] = "measurement"

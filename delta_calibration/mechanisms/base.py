@@ -176,7 +176,7 @@ class Mechanism(ABC):
 
     @property
     def base_lengths(self) -> Array:
-        """Lengths of the base that dimensions contain and grow with it, 0 elsewhere, (p,) [m].
+        """Length of the base that each dimension contains and grows with, else 0, (p,) [m].
 
         By default the coordinates of the joints on the base, about the base frame's origin.
         """
