@@ -8,7 +8,7 @@ import pytest
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis.scan import scan
-from delta_calibration.diagnosis.search import _without_maps
+from delta_calibration.diagnosis.search import _Next, _without_maps
 from delta_calibration.effects import catalogue
 from study.judge import scaled
 from study.trials import Task
@@ -69,7 +69,7 @@ def test_causes_take_the_places_of_two_maps_that_drew_them():
         next(c for c in tried if c.label == f"unexplained ({family})")
         for family in ("temperature", "time")
     )
-    terms = _without_maps(model.fitted(drawn), effects, rng)
+    terms = _without_maps(model.fitted(drawn), _Next(effects, rng))
     assert {m.cause for m in terms} == {cause for cause, _ in PAIRS[0][1]}
 
 

@@ -297,8 +297,8 @@ def test_names_are_sought_without_maps_that_foretell_nothing(hidden, monkeypatch
     """A map fits the data better than a cause; the map is rejected, and not the cause."""
     sought = judge.find
 
-    def with_a_map(start, effects, rng, begin=(), gone=()):
-        found = sought(start, effects, rng, begin, gone)
+    def with_a_map(start, effects, rng, begin=(), gone=(), earlier=None):
+        found = sought(start, effects, rng, begin, gone, earlier)
         if gone:
             return found
         model = start.fitted((found.first.maps[-1],))  # the worst of them

@@ -227,3 +227,68 @@ def test_what_places_and_conditions_take_is_not_counted_as_small():
         noise = prepare(poses, robot, chain_of(robot))[1]
         found.append((noise.repeatability / robot.joints.repeatability) ** 2)
     assert np.mean(found) == pytest.approx(1.0, abs=0.15)
+
+
+def arm_visits(scale: float, seed: int, gap: float = 0.0):
+    """An arm of six joints: 45 places once, 25 twice with sides of approach drawn at random.
+
+    The places are drawn in a box of joint angles and computed with the arm's own forward
+    kinematics; noise and play are added here.
+    """
+    robot, rng = load_robot("ur10"), np.random.default_rng(seed)
+    model, count = robot.model(), 95
+    nominal = model.parameters.nominal
+    q = rng.uniform(-0.8, 0.8, (70, 6)) + model.home
+    place = np.concatenate([np.arange(70), np.arange(25)])
+    q = q[place]
+    side = rng.choice([-1.0, 1.0], q.shape)
+    x = model.forward(q, nominal)
+    slope = model.velocity_jacobian(q, x, nominal)[:, :3]
+    point = model.position(x) + np.array([2.0, -2.0, 0.5])  # from the tracker
+    sigma = max(float(s.max()) for s in robot.tracker.sigmas(np.linalg.norm(point, axis=1)))
+    rest = robot.joints.repeatability * rng.standard_normal(q.shape)
+    off = np.einsum("nij,nj->ni", slope, scale * rest + gap / 2 * side)
+    off += scale * sigma * rng.standard_normal(point.shape)
+    poses = collect(
+        simulate_session(
+            draw_machine(robot, 0), make_plan("identify", robot, count=12, seed=0), 0
+        ),
+        robot.joints.names,
+    )
+    blank = {
+        name: np.zeros((count, *v.shape[1:]))
+        for name, v in vars(poses).items()
+        if isinstance(v, np.ndarray) and len(v) == len(poses)
+    }
+    own = {
+        "joint": q,
+        "command": q,
+        "point": point + off,
+        "direction": side,
+        "place": place,
+        "repeat": np.arange(count),
+        "count": np.ones(count, dtype=np.int64),
+        "time": 10.0 * np.arange(count),
+        "quaternion": None,
+    }
+    return replace(poses, **{**blank, **own}), slope, robot, sigma
+
+
+@pytest.mark.parametrize("scale", [1.0, 3.0])
+@pytest.mark.parametrize("gap", [0.0, 0.3e-3])
+def test_a_few_visits_of_an_arm_tell_how_noisy_it_is(scale: float, gap: float):
+    """25 visits cannot determine how six joints change with six sides; they tell one factor."""
+    told = []
+    for seed in range(10):
+        poses, slope, robot, sigma = arm_visits(scale, seed, gap)
+        noise = estimate_noise(poses, slope, robot)
+        assert noise.measured
+        assert noise.transverse_scale == pytest.approx(
+            noise.repeatability / robot.joints.repeatability
+        )
+        told.append(noise.floor)
+    expected = scale * np.sqrt(
+        3 * sigma**2 + robot.joints.repeatability**2 * np.mean(np.sum(slope**2, axis=(1, 2)))
+    )
+    # 21 degrees of freedom of three coordinates each, ten times; the arm's own slope differs
+    assert np.mean(told) == pytest.approx(expected, rel=0.1)

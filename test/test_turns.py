@@ -15,11 +15,17 @@ from delta_calibration.data import at_rest, collect, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import DataError
-from delta_calibration.estimation import chain_of, identify, most_evaluations, prepare, whitening
+from delta_calibration.estimation import (
+    chain_of,
+    identify,
+    most_evaluations,
+    prepare,
+    with_turns,
+)
 from delta_calibration.estimation import solve as solve_problem
-from delta_calibration.estimation.measurements import Measured, PoseMeasured
+from delta_calibration.estimation.measurements import PoseMeasured
 from delta_calibration.estimation.problem import MOUNT_NAMES
-from delta_calibration.estimation.turns import mount_of, pose_covariance, turns_of
+from delta_calibration.estimation.turns import turns_of
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.history.few import pool
 from delta_calibration.history.pooled import Dated
@@ -176,13 +182,8 @@ def test_the_methods_of_the_papers_take_the_turns_as_well(cell, found, method, l
     """They reach the least-squares result with the number of evaluations that was announced."""
     poses, chain = cell[2], chain_of(PROBED)
     start, noise, problem = prepare(poses, PROBED, chain)
-    x = chain.pose(poses.conditions, start)
-    turned = turns_of(poses, PROBED, chain)
-    seen = PoseMeasured(poses.joint, poses.point, None, 1e-5, turned, PROBED.tracker.turn)
-    whiten = whitening(pose_covariance(seen, poses, PROBED, chain, noise, start))
+    problem = with_turns(problem, poses, PROBED, noise)
     told = []
-    measured = Measured(seen, poses.conditions, given=whiten)
-    problem = problem.mounted(measured, mount_of(turned, chain, x, start))
     fit = method.fit(problem, np.random.default_rng(0), told.append)
     least = solve_problem(problem)
     assert least.theta[: len(start)] == pytest.approx(found.theta, abs=1e-12)

@@ -20,6 +20,7 @@ from delta_calibration.diagnosis.constants import (
     ALPHA,
     LACKING,
     LOOKED_AT,
+    LOST,
     MOST,
     NEARLY,
     PLAIN,
@@ -55,6 +56,7 @@ class SearchResult:
     first: Scan  # of the session before any term was found
     last: Scan  # of the residuals beside the terms
     short: tuple[Score, ...]  # of each explanation short-listed, in the best shape last found
+    fits: _Fits | None = None  # that were compared, and the start of them all
 
     @property
     def mapped(self) -> bool:
@@ -79,6 +81,7 @@ class _Fits:
     samples: float  # degrees of freedom for which chi square is stated
     known: dict[tuple[Hashable, ...], tuple[Fitted, float]] = field(default_factory=dict)
     best: tuple[Fitted | None, float] = (None, np.inf)
+    swapped: dict[tuple[str, ...], float] = field(default_factory=dict)  # least cost by keys
     lock: Lock = field(default_factory=Lock)
 
     def of(self, sets: Sequence[tuple[Candidate, ...]]) -> list[tuple[Fitted, float]]:
@@ -88,6 +91,22 @@ class _Fits:
         new = {key: terms for key, terms in every if key not in self.known}
         self.known.update(zip(new, mapped(self._fitted, new.values()), strict=True))
         return [self.known[key] for key in keys]
+
+    def of_swaps(
+        self, sets: Sequence[tuple[Candidate, ...]], now: Fitted
+    ) -> list[tuple[Fitted, float]]:
+        """Fits of sets that may replace the terms of a model.
+
+        A set that was much less likely (`LOST`) in an earlier round is not fitted again in other
+        shapes.
+        """
+        enough = self.cost(now) + LOST
+        some = [terms for terms in sets if self.swapped.get(_keys(terms), -np.inf) < enough]
+        fits = self.of(some)
+        for terms, (_, cost) in zip(some, fits, strict=True):
+            keys = _keys(terms)
+            self.swapped[keys] = min(cost, self.swapped.get(keys, np.inf))
+        return fits
 
     def cost(self, fit: Fitted) -> float:
         """Minus ln of a fit's marginal likelihood, without the choice among candidates.
@@ -129,6 +148,29 @@ class _Fits:
             fit.forget()
 
 
+@dataclass
+class _Next:
+    """The best explanation beside sets of terms; each set is scanned once."""
+
+    effects: Sequence[Effect]
+    rng: np.random.Generator
+    gone: tuple[Candidate, ...] = ()
+    known: dict[tuple[str, ...], Candidate | None] = field(default_factory=dict)
+
+    def scanned(self, model: Fitted) -> Scan:
+        """Scan of what the terms of a model leave."""
+        here = scanned(model, self.effects, self.rng).without(self.gone)
+        best = worth_it(here.without(model.terms), model)
+        self.known[_keys(model.terms)] = None if best is None else best.candidate
+        return here
+
+    def best(self, model: Fitted, terms: tuple[Candidate, ...]) -> Candidate | None:
+        """The best explanation beside some of a model's terms; None if none is worth it."""
+        if _keys(terms) not in self.known:
+            self.scanned(model.fitted(terms))
+        return self.known[_keys(terms)]
+
+
 def _shapes_after(effect: Effect, at: Conditions) -> int:
     """Number of shapes that were compared after a cause was found; 1 if it has no further ones."""
     shapes, refined = (
@@ -143,6 +185,7 @@ def find(
     rng: np.random.Generator,
     begin: tuple[Candidate, ...] = (),
     gone: tuple[Candidate, ...] = (),
+    earlier: SearchResult | None = None,
 ) -> SearchResult:
     """Search until nothing significant is left.
 
@@ -152,13 +195,18 @@ def find(
         rng: of the bootstrap.
         begin: terms to begin with, which the search may exchange and drop.
         gone: explanations that have been rejected; nothing of the same cause is tried.
+        earlier: result of a search from the same model, whose first scan and fits are used again.
     """
-    samples = model.beside.degrees
-    starts = [_Fits(start, samples) for start in ((model,) if begin else _starts(model, rng))]
-    scans = [scanned(start.bare, effects, rng).without(gone) for start in starts]
-    fits, first = _likelier_start(starts, scans)
+    if earlier is None or earlier.fits is None:
+        samples = model.beside.degrees
+        starts = [_Fits(start, samples) for start in ((model,) if begin else _starts(model, rng))]
+        scans = [scanned(start.bare, effects, rng).without(gone) for start in starts]
+        fits, first = _likelier_start(starts, scans)
+    else:
+        fits, first = earlier.fits, earlier.first.without(gone)
+        scans = [first]
     bare = model = fits.bare
-    here, swaps = first, SWAPS
+    here, swaps, next_to = first, SWAPS, _Next(effects, rng, gone)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
     while True:
@@ -166,7 +214,7 @@ def find(
         terms, begin = begin or next_terms(model, here, tuple(short.values())), ()
         back = seen.get(_keys(terms))
         if _keys(terms) in seen:
-            terms = _without_maps(model, effects, rng, gone)
+            terms = _without_maps(model, next_to)
         if _keys(terms) in seen:
             terms = beyond_names(model, here, tuple(short.values()))
         if _keys(terms) not in seen:
@@ -182,10 +230,10 @@ def find(
                 short.update(_other_shapes(model, effects, rng, tuple(short.values()), gone))
             swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
-                return SearchResult(model, first, here, tuple(short.values()))
+                return SearchResult(model, first, here, tuple(short.values()), fits)
             model, swaps = swapped, swaps - 1
         model = _refined(fits, model, tuple(short.values()))
-        here = scanned(model, effects, rng).without(gone)
+        here = next_to.scanned(model)
         for earlier, _ in seen.values():
             if earlier is not bare and earlier is not model:
                 earlier.forget()
@@ -206,11 +254,11 @@ def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
     enough = RIVAL if best.candidate.unexplained else np.inf
     rivals = [s for s in named.values() if s.log_bayes > enough * best.log_bayes]
     sets: list[tuple[Candidate, ...]] = [(s.candidate,) for s in (best, *rivals[:LOOKED_AT])]
-    nearest = _likeliest(fits, sets[1:] or sets, (best, *named.values()))
+    nearest = _likeliest(fits, fits.of(sets[1:] or sets), (best, *named.values()))
     sets += nearest.in_other_shapes
     fits.keep_best()
     sets += _pairs(fits.bare, scans[0], list(named.values()), worth_of(best))
-    return _likeliest(fits, sets, (best, *named.values()))
+    return _likeliest(fits, fits.of(sets), (best, *named.values()))
 
 
 def _pairs(
@@ -285,7 +333,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
         for near, least in ((one, enough), (two, whole)):
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
-    return _likeliest(fits, sets, short, model)
+    return _likeliest(fits, fits.of_swaps(sets, model), short, model)
 
 
 def _in_their_place(model: Fitted, short: tuple[Score, ...]) -> dict[str, Score]:
@@ -315,7 +363,7 @@ def _refined(fits: _Fits, model: Fitted, short: tuple[Score, ...]) -> Fitted:
     """
     while model.misfit > LACKING:
         sets = [*model.in_other_shapes, *_beside_a_twin(model, short)]
-        refined = _likeliest(fits, sets, short, model)
+        refined = _likeliest(fits, fits.of(sets), short, model)
         if not model.misfit - refined.misfit > REMAINS * (model.misfit - 1):
             break
         model = refined
@@ -341,17 +389,17 @@ def _beside_a_twin(model: Fitted, short: tuple[Score, ...]) -> Iterator[tuple[Ca
 
 def _likeliest(
     fits: _Fits,
-    sets: Sequence[tuple[Candidate, ...]],
+    fitted: Sequence[tuple[Fitted, float]],
     tried: Sequence[Score],
     *known: Fitted,
 ) -> Fitted:
-    """The likeliest of the known fits and of some sets of explanations, each fitted in full."""
+    """The likeliest of some fits, with their costs or without."""
 
     def price_of_choice(fit: Fitted) -> float:
         return sum(float(np.log(as_score(m, tried).tries * m.choices)) for m in fit.terms)
 
-    fitted = [*((fit, fits.cost(fit)) for fit in known), *fits.of(sets)]
-    best, _ = min(fitted, key=lambda one: one[1] + price_of_choice(one[0]))
+    every = [*((fit, fits.cost(fit)) for fit in known), *fitted]
+    best, _ = min(every, key=lambda one: one[1] + price_of_choice(one[0]))
     return best
 
 
@@ -359,12 +407,7 @@ def _keys(terms: Sequence[Candidate]) -> tuple[str, ...]:
     return tuple(sorted(m.key for m in terms))
 
 
-def _without_maps(
-    model: Fitted,
-    effects: Sequence[Effect],
-    rng: np.random.Generator,
-    gone: tuple[Candidate, ...] = (),
-) -> tuple[Candidate, ...]:
+def _without_maps(model: Fitted, next_to: _Next) -> tuple[Candidate, ...]:
     """The terms, with a map replaced by a cause if one is best in a scan without that map.
 
     A scan with the map in the model would not have found the cause, as the map imitates it.
@@ -374,10 +417,9 @@ def _without_maps(
         others = tuple(m for m in terms if m is not term)
         if not term.unexplained or not others:
             continue
-        bare = model.fitted(others)
-        best = worth_it(scanned(bare, effects, rng).without((*others, *gone)), bare)
-        if best is not None and not best.candidate.unexplained:
-            terms = (*others, best.candidate)
+        best = next_to.best(model, others)
+        if best is not None and not best.unexplained:
+            terms = (*others, best)
     return terms
 
 

@@ -35,8 +35,16 @@ class TrackerDrift(Drift):
 
     @property
     def parameters(self) -> ParameterSet:
-        """Shift t [m] and turn w [rad]: per hour, or of the settling, the step or the cycle."""
-        names = [("shift", "m", 30e-6, 2e-3), ("turn", "rad", 10e-6, 1e-3)]
+        """Shift t [m] and turn w [rad]: per hour, or of the settling, the step or the cycle.
+
+        Heat moves a stand by 2 mm at most. A step is a stand that was pushed: ten times as far,
+        and up to 50 mm as long as its turn is small enough for the linear law. A tracker set up
+        anew is a mistake in the session (`delta-cal check`).
+        """
+        shift, turn = (30e-6, 2e-3), (10e-6, 1e-3)
+        if self.step_at >= 0:
+            shift, turn = (300e-6, 50e-3), (100e-6, 5e-3)
+        names = [("shift", "m", *shift), ("turn", "rad", *turn)]
         return ParameterSet(
             tuple(
                 Parameter(f"{name}_{axis}", unit, 0.0, prior, self.cause, None, -most, most)

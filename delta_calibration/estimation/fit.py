@@ -44,6 +44,7 @@ _FOLDS = 5
 _LOOSE = 1.0  # [m] motion of the platform by tolerances, from which a pose counts as singular
 _ANOTHER_ROBOT = 4.0  # residual over what tolerances explain: too large for manufacturing errors
 _LEAST_SQUARES = LeastSquares()
+_PARTS = 6  # of a session, each with a frame of its own, where something moved in between
 _RMS_OF_MEDIAN = 1.126  # RMS over median of the norm of three standard normal numbers
 
 
@@ -432,7 +433,8 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     The medians of both are compared, with gross errors left out if they decide: one reading of
     another reflector does not make another robot, and tolerances have an untypical effect near a
     singularity. Reflector offset and tracker frame are not parts of the robot and do not count
-    among what its tolerances explain.
+    among what its tolerances explain. A tracker that was pushed, or a joint that slipped, makes no
+    other robot: most parts of the session in the order of time fit it, each in a frame of its own.
 
     Args:
         problem: with all parameters free and the drawing's priors.
@@ -449,15 +451,27 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     slope = problem.chain.jacobian(problem.at, problem.theta0[layout.chain])[..., geometry]
     spread = slope * problem.chain.mechanism.parameters.prior
     expected = float(np.median(np.linalg.norm(spread, axis=(1, 2))))
-    for robust in (False, True):
-        solution = solve(placed, robust=robust)
-        typical = _RMS_OF_MEDIAN * float(np.median(distances(solution)))
-        if typical <= _ANOTHER_ROBOT * expected:
-            break
-    else:
+    most = _ANOTHER_ROBOT * expected
+    typical = _typical(placed, False)
+    if typical > most:
+        typical = _typical(placed, True)
+    if typical > most and not _fits_in_parts(placed, poses.time, most):
         raise DataError(
             f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
             f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
             f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
             "units different? `delta-cal check` finds such mistakes"
         )
+
+
+def _typical(problem: Problem, robust: bool) -> float:
+    """Robust root mean square of the distances that a fit leaves [m]."""
+    return _RMS_OF_MEDIAN * float(np.median(distances(solve(problem, robust=robust))))
+
+
+def _fits_in_parts(placed: Problem, time: Array, most: float) -> bool:
+    """Whether all parts of a session but one leave at most so much, each in its own frame [m]."""
+    count = min(_PARTS, len(time) // _FEWEST)
+    parts = np.array_split(np.argsort(time, kind="stable"), count) if count > 2 else []
+    left = sorted(_typical(placed.take(np.sort(rows)), True) for rows in parts)
+    return bool(left) and left[-2] <= most

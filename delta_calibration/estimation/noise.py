@@ -39,7 +39,8 @@ _FEWEST_DEGREES = 1e-3  # of freedom, for a repeatability that is hidden by the 
 _AS_FILED = 1.0, 1.0  # scales of the tracker's noise
 # scale at which it is first tried whether the tracker's noise is larger than filed, largest scale,
 # and decrease of -2 ln of the likelihood from which the filed noise is refuted (p = 0.001)
-_SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 10.0, 10.8
+_SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 100.0, 10.8
+_FACTORS = 0.1, 100.0  # of the filed noise of tracker and joints together, where few visits tell it
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
@@ -101,13 +102,18 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     repeat, place = _without_gross(poses, covariance, by_conditions)
     visits = (
         by_conditions(place)
-        if separable  # noise from conditions; else only true repeats tell it
+        if separable  # noise from conditions; else true repeats tell it
         else _visits(poses.point, repeat)
     )
+    few = 3 * visits.degrees < _ENOUGH
+    if few:
+        visits = _visits(poses.point, place, _plain_course(poses, place, slope))
     degrees = visits.degrees
     if 3 * degrees < _ENOUGH:
         floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
         return replace(filed, floor=floor)
+    if few and (radial, transverse) == _AS_FILED:
+        return _in_proportion(filed, visits, covariance)
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
@@ -120,6 +126,26 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
             reading = radial**2 * reading
     found = _likeliest(visits, reading, moving, bounds)
     return Noise(radial, transverse, found.sigma, visits.floor, degrees, True, found.freedom)
+
+
+def _in_proportion(filed: Noise, visits: _Visits, covariance: Array) -> Noise:
+    """The filed noise of tracker and joints times one factor: few visits do not part the two.
+
+    Args:
+        filed: noise of the robot file.
+        visits: of places, with the changes that the conditions may cause.
+        covariance: of each pose by the filed noise, (n, 3, 3).
+    """
+    found = _likeliest(visits, np.zeros_like(covariance), covariance, _FACTORS)
+    return Noise(
+        found.sigma * filed.radial_scale,
+        found.sigma * filed.transverse_scale,
+        found.sigma * filed.repeatability,
+        visits.floor,
+        visits.degrees,
+        True,
+        found.freedom,
+    )
 
 
 def _tracker_scale(unlikeliness: Callable[[float], float]) -> float:
@@ -307,6 +333,24 @@ def _changes(poses: Poses, clock: Array, place: Index, slope: Array) -> Array:
     return _basis(_deviations(columns, place)[0].reshape(3 * len(poses), -1))
 
 
+def _plain_course(poses: Poses, place: Index, slope: Array) -> Array:
+    """`_course` in plain form: each joint changes with its own direction, time and payload.
+
+    On an arm of many joints a few dozen visits cannot determine the hundreds of coefficients of
+    the other form. Here each joint has three, all linear.
+
+    Args:
+        poses: the measured poses, (n,).
+        place: label of the place of each, (n,).
+        slope: derivative of what is compared by the joints, (n, 3, m).
+    """
+    common = np.column_stack([_clock(poses), np.nan_to_num(poses.payload)])
+    joints = np.repeat(common[:, None], slope.shape[2], axis=1)
+    condition = np.concatenate([joints, poses.direction[..., None]], axis=2)
+    columns = (slope[..., None] * condition[:, None]).reshape(len(poses), -1)
+    return _basis(_deviations(columns, place)[0].reshape(3 * len(poses), -1))
+
+
 def _by_condition(poses: Poses, plane: Array, clock: Array | None = None) -> Array:
     """Products of each condition with each column of `plane` (n, p), (n, conditions p)."""
     clock = _clock(poses) if clock is None else clock
@@ -339,23 +383,29 @@ def _deviations(values: Array, label: Index) -> tuple[Array, int]:
     return deviation, int((size[size > 0] - 1).sum())
 
 
-def turn_noise(turned: Array, repeat: Index, count: Index, resting: Array, stated: float) -> float:
+def turn_noise(
+    turned: Array, poses: Poses, slope: Array, repeatability: float, stated: float
+) -> float:
     """Standard deviation of one reading of the rotation about each axis [rad].
 
     The maximum likelihood estimate from the differences of repeats without gross errors, given the
-    rest errors of the joints; the robot file's value if there are too few repeats.
+    rest errors of the joints; of visits to a place, if there are too few; else the robot file's.
 
     Args:
-        turned: small rotation vectors from one pose of the same repeat to each, (n, 3) [rad].
-        repeat: number of the repeat of each pose, (n,).
-        count: readings of each pose, (n,).
-        resting: covariance of the rotations by rest errors of the joints, (n, 3, 3) [rad^2].
+        turned: small rotation vectors from one pose of the same place to each, (n, 3) [rad].
+        poses: the measured poses.
+        slope: derivative of the rotation by the joints, (n, 3, m).
+        repeatability: standard deviation of a joint's rest error.
         stated: the robot file's value [rad].
     """
-    reading = np.eye(3) / count[:, None, None]
+    reading = np.eye(3) / poses.count[:, None, None]
+    resting = repeatability**2 * slope @ np.swapaxes(slope, 1, 2)
     white = whitening(resting + stated**2 * reading)
-    repeat, _ = _without(repeat, white, lambda each: _visits(turned, each))
+    repeat, gross = _without(poses.repeat, white, lambda each: _visits(turned, each))
     visits = _visits(turned, repeat)
+    if 3 * visits.degrees < _ENOUGH:
+        place = _alone(poses.place, gross)
+        visits = _visits(turned, place, _plain_course(poses, place, slope))
     if 3 * visits.degrees < _ENOUGH:
         return stated
     return _likeliest(visits, resting, reading, (_LEAST, _MOST)).sigma

@@ -67,7 +67,7 @@ def _asked(robot: Robot, chain: Chain) -> bool:
 def with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Problem:
     """Extend a problem of positions by the measured rotations, if they are fitted.
 
-    The noise of a rotation comes from its repeats; if these are too few, from the robot file.
+    The noise of a rotation comes from repeats; if these are too few, from the robot file.
 
     Args:
         problem: as returned by `prepare`.
@@ -84,10 +84,10 @@ def with_turns(problem: Problem, poses: Poses, robot: Robot, noise: Noise) -> Pr
         return problem
     seen = PoseMeasured(poses.joint, poses.point, None, noise.floor, turned, stated)
     by_joints = seen.linearized(chain.predictor(poses.conditions), start).by_joints[:, 3:]
-    resting = noise.repeatability**2 * by_joints @ np.swapaxes(by_joints, 1, 2)
-    _, first, repeat = np.unique(poses.repeat, return_index=True, return_inverse=True)
-    away = rotations.log(turned @ np.swapaxes(turned[first[repeat]], 1, 2))
-    seen = replace(seen, turn_noise=turn_noise(away, repeat, poses.count, resting, stated))
+    _, first, place = np.unique(poses.place, return_index=True, return_inverse=True)
+    away = rotations.log(turned @ np.swapaxes(turned[first[place]], 1, 2))
+    noise_of_turns = turn_noise(away, poses, by_joints, noise.repeatability, stated)
+    seen = replace(seen, turn_noise=noise_of_turns)
     whiten = whitening(pose_covariance(seen, poses, robot, chain, noise, start))
     mount = mount_of(turned, chain, chain.pose(problem.at, start), start)
     return problem.mounted(Measured(seen, problem.at, given=whiten), mount)
