@@ -38,7 +38,8 @@ def test_a_push_of_ten_millimetres_is_found_whole():
     session, at = pushed()
     found = diagnose(survey(session, ROBOT.joints.names, ROBOT.commanded.joint_size), ROBOT)
     (cause,) = [f for f in found.verdict.findings if f.cause == "tracker_drift"]
-    assert found.verdict.findings == (cause,) and not found.verdict.unknown_structure.found
+    assert found.verdict.findings == (cause,)
+    assert not found.verdict.unknown_structure.found
     assert cause.confidence > 0.95
     assert cause.shape["step_at_s"].value == pytest.approx(at, abs=60.0)
     for name, true in (("shift", SHIFT), ("turn", TURN)):

@@ -234,9 +234,9 @@ def find(
             model, swaps = swapped, swaps - 1
         model = _refined(fits, model, tuple(short.values()))
         here = next_to.scanned(model)
-        for earlier, _ in seen.values():
-            if earlier is not bare and earlier is not model:
-                earlier.forget()
+        for other, _ in seen.values():
+            if other is not bare and other is not model:
+                other.forget()
         seen[_keys(model.terms)] = model, here
 
 

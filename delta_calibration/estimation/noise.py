@@ -40,7 +40,7 @@ _AS_FILED = 1.0, 1.0  # scales of the tracker's noise
 # scale at which it is first tried whether the tracker's noise is larger than filed, largest scale,
 # and decrease of -2 ln of the likelihood from which the filed noise is refuted (p = 0.001)
 _SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 100.0, 10.8
-_FACTORS = 0.1, 100.0  # of the filed noise of tracker and joints together, where few visits tell it
+_FACTORS = 0.1, 100.0  # of the filed noise of tracker and joints, where few visits tell only one
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
