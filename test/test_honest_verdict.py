@@ -341,3 +341,20 @@ def test_ten_tolerances_off_says_check_the_drawing(clean):
     (said,) = doubts(replace(found, theta=off))
     assert "arm_2 by 12" in said
     assert "check the values and units in the robot file" in said
+
+
+@pytest.mark.parametrize("name", ["hinge_tilt_z_1", "joint_zero_2", "rod_mismatch_3"])
+@pytest.mark.parametrize("times", [8.0, 16.0])
+def test_a_dimension_far_off_is_not_pulled_to_the_drawing(name: str, times: float):
+    """30 places determine these dimensions to about half their tolerances, by poses moved here."""
+    plan = make_plan("identify", ROBOT, count=30, seed=0)
+    poses = collect(simulate_session(draw_machine(ROBOT, 0), plan, 0), ROBOT.joints.names)
+    found = identify(poses, ROBOT)
+    geometry, row = found.chain.layout.geometry, found.parameters.names.index(name)
+    theta = found.theta.copy()
+    theta[geometry] = found.parameters.nominal[geometry]
+    theta[row] += times * found.parameters.prior[row]
+    chain, at = found.chain, poses.conditions
+    moved = chain.predict(at, theta) - chain.predict(at, found.theta)
+    again = identify(replace(poses, point=poses.point + moved), ROBOT)
+    assert abs(again.theta[row] - theta[row]) < 2 * again.std[row]

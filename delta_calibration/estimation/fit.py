@@ -14,7 +14,7 @@ from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.estimation.carried import Carried
 from delta_calibration.estimation.cross_validation import Known, studentized
 from delta_calibration.estimation.measurements import Measured, PointMeasured
-from delta_calibration.estimation.method import LeastSquares, Method, Watch
+from delta_calibration.estimation.method import Fit, LeastSquares, Method, Watch
 from delta_calibration.estimation.noise import Noise, estimate_noise, whitening
 from delta_calibration.estimation.observability import (
     Observability,
@@ -43,6 +43,7 @@ PRIOR_HISTORY, PRIOR_POPULATION = "history", "population"  # origin of a fit's p
 _FOLDS = 5
 _LOOSE = 1.0  # [m] motion of the platform by tolerances, from which a pose counts as singular
 _ANOTHER_ROBOT = 4.0  # residual over what tolerances explain: too large for manufacturing errors
+_BEYOND = 5.0  # tolerances: a normal distribution exceeds them once in two million times
 _LEAST_SQUARES = LeastSquares()
 _PARTS = 6  # of a session, each with a frame of its own, where something moved in between
 _RMS_OF_MEDIAN = 1.126  # RMS over median of the norm of three standard normal numbers
@@ -186,6 +187,8 @@ def identify(
     prior = told_by(carried, population)
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
+    if not prior and isinstance(method, LeastSquares):
+        fit = _freed(fit, method, rng, watch)
     full = fit.solution
     folds, counted = parts_of(poses, seed), full.weight > 0
     known = _known(full)
@@ -239,6 +242,23 @@ def identify(
         turn_missed=_turn_missed(full),
         unseen_motion=poses.unseen_motion,
     )
+
+
+def _freed(fit: Fit, method: Method, rng: np.random.Generator, watch: Watch) -> Fit:
+    """The fit again, with the prior of dimensions far off their drawing as wide as that.
+
+    A tolerance that a dimension exceeds so far does not hold for it, and would pull it back by
+    more than its interval.
+    """
+    problem, theta = fit.solution.problem, fit.solution.theta
+    geometry, basis = problem.layout.geometry, problem.basis.copy()
+    off = np.abs(theta - problem.theta0)[geometry] / np.diag(basis)[geometry]
+    if not (off >= _BEYOND).any():
+        return fit
+    basis[:, geometry] *= np.where(off >= _BEYOND, off, 1.0)
+    wider = replace(problem, basis=basis)
+    again = method.fit(wider, rng, watch, Near(wider.unknowns(theta)))
+    return Fit(again.solution, fit.evaluations + again.evaluations)
 
 
 def told_by(
