@@ -150,6 +150,7 @@ def command(
         raise InputError("--json needs --guess: the file contains what --guess proposes")
     if unit is not None and preset is None:
         raise InputError("--unit needs --preset: a mapping states the unit of each column")
+    doubts = 0
     with TemporaryDirectory() as folder:
         if mapping_file is None:
             mapping_file = mapping_out or Path(folder) / "mapping.yaml"
@@ -163,10 +164,12 @@ def command(
                 if json_file is not None:
                     write_json(json_file, proposed.as_dict())
                 read_as = mapping_from(proposed.mapping, beside, robot)
-                mapping = _proposed(proposed, table, read_as, robot, to_write=out is not None)
+                _show(proposed, table, read_as, robot)
+                doubts, mapping = len(proposed.doubts), proposed.mapping
             write_document(mapping_file, dict(mapping))
             _tell_of_mapping(mapping_file, out, mapping_out)
         if out is not None:
+            _require_sure(doubts, table, mapping_out)
             _write(table, mapping_file, robot, out)
 
 
@@ -207,14 +210,8 @@ def _second(
     return None if file is None else Other(file, "", by or "", within, shift)
 
 
-def _proposed(
-    guess: Guess, table: Path, mapping: TableMapping, robot: Robot, *, to_write: bool
-) -> Mapping[str, Any]:
-    """Print a proposed mapping and return it; if in doubt, print an import's notes as well.
-
-    Raises:
-        DataError: a session is to be written, and the mapping is in doubt.
-    """
+def _show(guess: Guess, table: Path, mapping: TableMapping, robot: Robot) -> None:
+    """Print a proposed mapping with its reasons; if in doubt, print an import's notes as well."""
     for text in guess.sure:
         click.echo(text)
     head = tuple(guess.shown[0])
@@ -226,13 +223,23 @@ def _proposed(
     if guess.doubts:
         for text in _objections(table, mapping, robot):
             click.echo(f"read like this: {text}")
-    if guess.doubts and to_write:
-        many = "one guess is" if len(guess.doubts) == 1 else f"{len(guess.doubts)} guesses are"
-        raise DataError(
-            f"{table}: not written, because {many} in doubt: write the mapping with "
-            "--mapping-out, correct it, and import with --mapping"
-        )
-    return guess.mapping
+
+
+def _require_sure(doubts: int, table: Path, mapping_out: Path | None) -> None:
+    """Refuse to write a session by a mapping that is in doubt.
+
+    Raises:
+        DataError: something about the mapping is in doubt.
+    """
+    if not doubts:
+        return
+    many = "one guess is" if doubts == 1 else f"{doubts} guesses are"
+    correct = (
+        "write the mapping with --mapping-out, correct it, and import with --mapping"
+        if mapping_out is None
+        else f"correct the mapping {mapping_out}, and import with --mapping {mapping_out}"
+    )
+    raise DataError(f"{table}: no session written, because {many} in doubt: {correct}")
 
 
 def _objections(table: Path, mapping: TableMapping, robot: Robot) -> tuple[str, ...]:

@@ -28,7 +28,8 @@ UNIT = (  # units as people write them, in brackets or bare
     r"urad|mrad|rad|radians?|deg|degrees?|grad|°|turns?|um|µm|mm|cm|m|inch|in|ms|us|"
     r"ns|s|sec|seconds?|min|minutes?|h|kg|g|degc|°c|k"
 )
-_UNIT_CELL = re.compile(rf"[\[(]?\s*(?:{UNIT})\s*[\])]?", re.IGNORECASE)
+_WARMTH = r"(?:deg|°)?\s*[cf]|celsius|fahrenheit|kelvin"
+_UNIT_CELL = re.compile(rf"[\[(]?\s*(?:{UNIT}|{_WARMTH})\s*[\])]?", re.IGNORECASE)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ reading is the median distance between nominal robot and points over the points'
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
@@ -20,9 +20,21 @@ from scipy.optimize import minimize_scalar
 
 from delta_calibration.errors import InputError
 from delta_calibration.recording.presets import Other
+from delta_calibration.recording.table_computed import last_digits, why_computed
 from delta_calibration.recording.table_found import FoundTable, found_table
-from delta_calibration.recording.table_mapping import ANGLES, LENGTHS
-from delta_calibration.recording.table_names import CLOCK, MEANT, bare_name
+from delta_calibration.recording.table_groups import (
+    INTENDED,
+    READ,
+    Group,
+    by_instrument,
+    joint_groups,
+    kind_of,
+    measured_first,
+    point_groups,
+    rotation_columns,
+)
+from delta_calibration.recording.table_mapping import ANGLES, KELVIN, LENGTHS
+from delta_calibration.recording.table_names import CLOCK, MEANT, bare_name, warm_name
 from delta_calibration.recording.table_pair import paired
 from delta_calibration.recording.table_placing import FEWEST, Placed
 from delta_calibration.recording.table_source import is_gap
@@ -42,24 +54,18 @@ _SHOWN = 10  # rows that are shown to the user
 _STEPS = 2.0, 600.0  # [s] plausible time between stops, if a column of times is in seconds
 _POINT_UNITS = ("mm", "m", "inch")
 _POINT_UNITS_ALIKE = tuple((unit, unit, unit) for unit in _POINT_UNITS)
-_JOINT = re.compile(
-    r"(?:(?:actual|target|cmd|command|commanded|soll|ist|joint|axis|axe|achse|motor|theta|angle|"
-    r"pos|drive|rax|phi|q|j|a|e|m|t|d|s)[ _.-]*)+\[?(\d)\]?$"
-)
 _PLACE = re.compile(
     r"(?:(?:meas|measured|measurement|tracker|ist|actual|pos|position|point|p|t|tcp)[ _.-]*)*"
     r"([xyz])$"
 )
-_MEANT = ("goal", "target", "nominal", "soll", "cmd", "command", "ref")  # of intended points
 _TURN = re.compile(r"(?:quat|rot|q|orientation)[ _.-]*([xyzw])$")
 _OTHERS = {
     "time": re.compile(rf"({CLOCK}|date|datetime|datum|uhrzeit|zeitstempel)$"),
     "payload": re.compile(r"(payload|load|mass|last|masse|zuladung)$"),
 }
 _SIDE = re.compile(r"(direction|side|approach|seite|richtung)$")
-_WARM = re.compile(r"(?:temp(?:erature|eratur)?|t)[ _.-]+([a-z_]+)$")
-_COMMANDED = ("target", "cmd", "command", "soll")
-_READ = re.compile(r"meas|track|actual|attain|(?:^|[ _.-])ist(?:$|[ _.-])")  # measured points
+_WORKSHOP = -20.0, 60.0  # [deg C] plausible temperatures, if a name does not spell out the unit
+_AGREE = 0.05  # of the commands' extent: encoders differ less from them
 _DIFFERENCE = re.compile(
     r"(?:d|delta|diff?|difference|err|error|dev|deviation)[ _.-]*([xyz])$|"
     r"([xyz])[ _.-]*(?:delta|diff?|difference|err|error|dev|deviation)$"
@@ -130,7 +136,11 @@ class _Found:
     """Columns and units identified so far, with the findings and doubts."""
 
     joints: list[str] = field(default_factory=list)  # columns of the joints
+    encoders: list[str] = field(default_factory=list)  # columns of the joints' measured values
+    encoder_unit: str = ""
     place: list[str] = field(default_factory=list)  # columns x, y, z of the point
+    points: list[Group] = field(default_factory=list)  # columns that may be a point, by names
+    measured: list[str] = field(default_factory=list)  # columns of joints' measured values
     joint_unit: str = ""
     place_units: list[str] = field(default_factory=list)
     count: _Count | None = None  # direction and zero of all joints, if not the robot file's
@@ -174,11 +184,12 @@ def _by_names(table: FoundTable, robot: Robot) -> _Found:
     found = _Found()
     if not table.named:
         return found
-    bare = {name: bare_name(name)[0] for name in table.names}
-    own = [n for joint in robot.joints.names for n in bare if bare[n] == joint.lower()]
-    found.joints = own if len(own) == len(robot.joints.names) else _numbered(bare, robot)
-    place = [n for axis in "xyz" for n in bare if (m := _PLACE.match(bare[n])) and m[1] == axis]
-    found.place = place if len(place) == 3 else []
+    joints = joint_groups(table.names, robot.joints.names)
+    found.joints = list(joints[0].columns) if joints else []
+    found.measured = [name for g in joints[1:] if g.kind == READ for name in g.columns]
+    taken = {*found.joints, *found.measured}
+    found.points = [g for g in point_groups(table.names) if not taken & set(g.columns)]
+    found.place = _named_place(table, found)
     for what, columns in (("joints", found.joints), ("the point", found.place)):
         if columns:
             found.sure.append(f"{what}: columns {', '.join(columns)}, by their names")
@@ -195,22 +206,17 @@ def _told_units(place: Sequence[str]) -> tuple[str, ...]:
     return told if all(unit in LENGTHS for unit in told) else ()
 
 
-def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
-    """Columns numbered like joints, from 0 or 1; commanded ones before others."""
-    series: dict[str, dict[int, str]] = {}
-    for name, text in bare.items():
-        match = _JOINT.match(text)
-        if match:
-            series.setdefault(text[: match.start(1)], {})[int(match[1])] = name
-    wanted = len(robot.joints.names)
-    whole = [
-        (stem, [numbers[k] for k in range(first, first + wanted)])
-        for stem, numbers in series.items()
-        for first in (0, 1)
-        if set(range(first, first + wanted)) <= set(numbers)
-    ]
-    whole.sort(key=lambda one: not one[0].startswith(_COMMANDED))
-    return whole[0][1] if whole else []
+def _named_place(table: FoundTable, found: _Found) -> list[str]:
+    """Columns of the point if the names leave no choice, else empty."""
+    if not found.points:
+        bare = {name: bare_name(name)[0] for name in table.names}
+        place = [
+            n for axis in "xyz" for n in bare if (m := _PLACE.match(bare[n])) and m[1] == axis
+        ]
+        return place if len(place) == 3 else []
+    best = measured_first(found.points)
+    alone = len(best) == 1 and best[0].plain and best[0].kind != INTENDED
+    return list(best[0].columns) if alone else []
 
 
 # --- by the robot
@@ -218,7 +224,9 @@ def _numbered(bare: Mapping[str, str], robot: Robot) -> list[str]:
 
 def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined: bool) -> None:
     """Choose columns and units that the names leave open, by the fit of the nominal robot."""
-    tried = sorted(_readings(table, robot, found), key=lambda one: one[0])
+    tried = _tried(table, robot, found)
+    if tried:
+        tried = _of_measured(tried, table, robot, found)
     if tried and not found.place_units:
         tried = _by_mixed_units(tried, table, robot, found)
     if not tried:
@@ -244,13 +252,97 @@ def _by_robot(path: Path, table: FoundTable, robot: Robot, found: _Found, joined
     said = f"joints in {joint_unit}, the point in {', '.join(told)}"
     reason = f"the nominal robot matches the points within {100 * share:.1f} % of their extent"
     found.sure.append(f"{said}: {reason}" if open_units else f"{said}, by name; {reason}")
-    near = [one for one in tried[1:] if one[0] < _CLEARLY * share]
+    near = [one for one in tried[1:] if one[0] < _CLEARLY * share and not _apart(one, tried[0])]
     if near:
         _, j, p, ju, pu = near[0]
         found.doubts.append(
             f"columns {', '.join((*j, *p))} in {ju} and {pu[0]} match nearly as well: check the "
             "rows"
         )
+
+
+def _tried(table: FoundTable, robot: Robot, found: _Found) -> list[_Reading]:
+    """Readings with the smallest share first, of the points that the names suggest.
+
+    Without usual names, other columns follow; intended points do if no others are named.
+    """
+    if found.place:
+        return sorted(_readings(table, robot, found, [tuple(found.place)]), key=_by_share)
+    best = measured_first(found.points)
+    named = [group.columns for group in best if group.kind != INTENDED]
+    intended = [group.columns for group in found.points if group.kind == INTENDED]
+    usual = bool(named) and any(group.plain for group in best)
+    steps = [named] if usual else [named, _free_points(table, found), [] if named else intended]
+    tried: list[_Reading] = []
+    for points in steps:
+        tried = sorted([*tried, *_readings(table, robot, found, points)], key=_by_share)
+        if tried and tried[0][0] <= _LIES:
+            break
+    return tried
+
+
+def _by_share(reading: _Reading) -> float:
+    return reading[0]
+
+
+def _free_points(table: FoundTable, found: _Found) -> list[tuple[str, ...]]:
+    """Three columns side by side that may be a point, although their names do not say so."""
+    taken = set(found.joints) | set(found.measured)
+    taken |= {name for group in found.points for name in group.columns}
+    return [run for run in _runs(_filled(table), 3, taken) if INTENDED not in map(kind_of, run)]
+
+
+def _apart(one: _Reading, other: _Reading) -> bool:
+    """Whether two readings have the points in different columns."""
+    return not set(one[2]) & set(other[2])
+
+
+def _of_measured(
+    tried: list[_Reading], table: FoundTable, robot: Robot, found: _Found
+) -> list[_Reading]:
+    """Readings, first that of points which were not computed; doubts if others match as well."""
+    first = tried[0]
+    rivals = [first]
+    for one in tried[1:]:
+        if one[0] <= _LIES and all(_apart(one, rival) for rival in rivals):
+            rivals.append(one)
+    if first[0] > _LIES:
+        return tried
+    why = {one[2]: _computed(table, robot, one) for one in rivals}
+    rivals.sort(key=lambda one: (bool(why[one[2]]), one[0]))
+    best = rivals[0]
+    point, others = ", ".join(best[2]), [", ".join(one[2]) for one in rivals[1:]]
+    if INTENDED in map(kind_of, best[2]):
+        found.doubts.append(
+            f"{point}: by their names these are intended positions; no columns of measured ones "
+            "were found"
+        )
+    if others:
+        found.doubts.append(
+            f"{point} are read as the measured point, but {' and '.join(others)} match the robot "
+            "as well: which of them were measured?"
+        )
+    unread = [", ".join(g.columns) for g in found.points if g.columns not in why]
+    for columns, reason in why.items():
+        if reason:
+            told = f"{', '.join(columns)} {reason}"
+            told += f"; were {' or '.join(unread)} measured?" if unread and not others else ""
+            (found.doubts if others or unread else found.sure).append(told)
+    return [best, *(one for one in tried if one is not best)]
+
+
+def _computed(table: FoundTable, robot: Robot, reading: _Reading) -> str:
+    """Why the points of a reading were computed from the nominal robot; empty if they were not."""
+    _, joints, place, unit, place_units = reading
+    q, y = _numbers(table, robot, joints, place, unit, place_units)
+    placed = Placed.on(robot, [(q, y)])
+    if placed is None:
+        return ""
+    factor = (ANGLES if robot.joints.unit == "rad" else LENGTHS)[unit]
+    lengths = np.array([LENGTHS[each] for each in place_units])
+    steps = factor * last_digits(table, joints), lengths * last_digits(table, place)
+    named = all(map(by_instrument, place))
+    return why_computed(placed, q, steps, named)
 
 
 def _by_mixed_units(
@@ -266,7 +358,8 @@ def _by_mixed_units(
     share, joints, place, joint_unit, _ = tried[0]
     known = _Found(list(joints), list(place), joint_unit) if share <= _LIES else found
     mixed = [units for units in product(_POINT_UNITS, repeat=3) if len(set(units)) > 1]
-    readings = sorted(_readings(table, robot, known, mixed), key=lambda one: one[0])
+    points = list(dict.fromkeys(one[2] for one in tried)) if share > _LIES else [place]
+    readings = sorted(_readings(table, robot, known, points, mixed), key=_by_share)
     best = readings[0]
     if best[0] * _CLEARLY < share:
         return [best, *tried]
@@ -346,6 +439,7 @@ def _readings(
     table: FoundTable,
     robot: Robot,
     found: _Found,
+    points: Sequence[tuple[str, ...]],
     units: Sequence[tuple[str, ...]] = _POINT_UNITS_ALIKE,
 ) -> Iterator[_Reading]:
     """Candidate readings of joints and point (columns and units), each with its share.
@@ -354,6 +448,7 @@ def _readings(
         table: the cells.
         robot: nominal robot that is fitted to the points.
         found: columns and units known from the names.
+        points: candidate columns of x, y and z.
         units: candidate units of x, y and z, if the names do not give them.
     """
     count = len(robot.joints.names)
@@ -361,11 +456,10 @@ def _readings(
     joint_units = (
         [found.joint_unit] if found.joint_unit else (["deg", "rad"] if turning else ["mm", "m"])
     )
-    every = [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
-    points = [name for name in every if not bare_name(name)[0].startswith(_MEANT)]
+    every = _filled(table)
     joints = [tuple(found.joints)] if found.joints else list(_runs(every, count, found.place))
     for j in joints:
-        for p in [tuple(found.place)] if found.place else list(_runs(points, 3, j)):
+        for p in points:
             if set(j) & set(p):
                 continue
             place_units = [told] if (told := tuple(found.place_units) or _told_units(p)) else units
@@ -373,10 +467,16 @@ def _readings(
                 yield _share(table, robot, j, p, ju, pu), j, p, ju, pu
 
 
-def _runs(names: Sequence[str], count: int, but: Sequence[str]) -> Iterator[tuple[str, ...]]:
+def _filled(table: FoundTable) -> list[str]:
+    """Columns of numbers with few gaps."""
+    return [name for name in table.names if np.isfinite(table.column(name)).mean() > 0.9]
+
+
+def _runs(names: Sequence[str], count: int, but: Collection[str]) -> Iterator[tuple[str, ...]]:
+    """Columns side by side, without those of `but`; intended and measured ones are not mixed."""
     for k in range(len(names) - count + 1):
         run = tuple(names[k : k + count])
-        if not set(run) & set(but):
+        if not set(run) & set(but) and len(set(map(kind_of, run))) == 1:
             yield run
 
 
@@ -389,17 +489,31 @@ def _share(
     place_units: Sequence[str],
     count: _Count = _AS_FILED,
 ) -> float:
+    q, y = _numbers(table, robot, joints, place, joint_unit, place_units, count)
+    inside = (q >= robot.joints.lower) & (q <= robot.joints.upper)
+    if len(q) < FEWEST or inside.all(axis=1).mean() < 0.5:
+        return np.inf
+    placed = Placed.on(robot, [(q, y)])
+    return np.inf if placed is None else placed.share
+
+
+def _numbers(
+    table: FoundTable,
+    robot: Robot,
+    joints: Sequence[str],
+    place: Sequence[str],
+    joint_unit: str,
+    place_units: Sequence[str],
+    count: _Count = _AS_FILED,
+) -> tuple[Array, Array]:
+    """Joints (n, m) and points (n, 3) [m] of the rows without gaps, `_MOST` at most."""
     factor = (ANGLES if robot.joints.unit == "rad" else LENGTHS)[joint_unit]
     q = factor * count.joints(np.column_stack([table.column(name) for name in joints]))
     lengths = [LENGTHS[unit] for unit in place_units]
     y = np.column_stack([table.column(name) for name in place]) * lengths
     rows = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(y).all(axis=1))
     rows = rows[:: -(-len(rows) // _MOST) or 1]
-    inside = (q[rows] >= robot.joints.lower) & (q[rows] <= robot.joints.upper)
-    if len(rows) < FEWEST or inside.all(axis=1).mean() < 0.5:
-        return np.inf
-    placed = Placed.on(robot, [(q[rows], y[rows])])
-    return np.inf if placed is None else placed.share
+    return q[rows], y[rows]
 
 
 # --- the mapping
@@ -416,10 +530,16 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
     if table.join:
         mapping["join"] = dict(table.join)
     counted = found.count.mapped() if found.count else {}
-    mapping["commands"] = [
-        {"joint": joint, "column": column, "unit": found.joint_unit, **counted}
-        for joint, column in zip(robot.joints.names, found.joints, strict=True)
-    ]
+    _find_encoders(table, robot, found)
+    for key, columns, unit in (
+        ("commands", found.joints, found.joint_unit),
+        ("encoders", found.encoders, found.encoder_unit),
+    ):
+        if columns:
+            mapping[key] = [
+                {"joint": joint, "column": column, "unit": unit, **counted}
+                for joint, column in zip(robot.joints.names, columns, strict=True)
+            ]
     mapping["position"] = {
         "columns": list(found.place),
         "unit": units[0] if len(set(units)) == 1 else units,
@@ -427,6 +547,25 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
     mapping |= _others(table, found)
     _doubt_of_differences(table, found)
     return mapping | _gaps(table, found, mapping)
+
+
+def _find_encoders(table: FoundTable, robot: Robot, found: _Found) -> None:
+    """Take columns of the joints' measured values as encoders, if they agree with the commands."""
+    count = len(found.joints)
+    own = np.column_stack([table.column(name) for name in found.joints])
+    known = ANGLES if robot.joints.unit == "rad" else LENGTHS
+    for k in range(0, len(found.measured), count):
+        columns = found.measured[k : k + count]
+        read = np.column_stack([table.column(name) for name in columns])
+        if set(columns) & {*found.joints, *found.place} or np.isfinite(read).mean() < 1.0:
+            continue
+        told = {bare_name(name)[1] for name in columns} & set(known)
+        unit = told.pop() if len(told) == 1 else found.joint_unit
+        off = np.nanmedian(np.abs(read * known[unit] / known[found.joint_unit] - own))
+        if off <= _AGREE * float(np.nanmax(own) - np.nanmin(own)):
+            found.encoders, found.encoder_unit = columns, unit
+            found.sure.append(f"encoders of the joints: columns {', '.join(columns)}")
+            return
 
 
 def _gaps(table: FoundTable, found: _Found, mapping: Mapping[str, Any]) -> dict[str, Any]:
@@ -454,15 +593,15 @@ def _kind(table: FoundTable, found: _Found) -> str:
 def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
     """Keys of a mapping for time, payload, direction, temperatures and rotation, by names."""
     more: dict[str, Any] = {}
-    if not table.named:
-        return more
-    used = {*found.joints, *found.place}
+    used = {*found.joints, *found.encoders, *found.place}
     quaternion: dict[str, str] = {}
     for name in table.names:
         bare, unit = bare_name(name)
-        if name in used:
+        if name in used or not table.named:
             continue
-        if (match := _TURN.match(bare)) is not None:
+        if (warm := warm_name(name)) is not None:
+            _add_warmth(table, name, warm, more, found)
+        elif (match := _TURN.match(bare)) is not None:
             quaternion[match[1]] = name
         elif _OTHERS["time"].match(bare) and "time" not in more:
             more |= _time(table, name, unit or MEANT.get(bare, ""), found)
@@ -473,19 +612,54 @@ def _others(table: FoundTable, found: _Found) -> dict[str, Any]:
                 found.doubts.append(f"{name}: is this a payload in g or kg? It is left out")
         elif _SIDE.match(bare) and set(np.unique(table.column(name))) <= {-1.0, 0.0, 1.0}:
             more["direction"] = [name]
-        elif (match := _WARM.match(bare)) is not None and unit in ("", "degC", "K"):
-            entry = {"part": match[1], "column": name, "unit": unit or "degC"}
-            more.setdefault("temperature", []).append(entry)
     if set(quaternion) == set("xyzw"):
         columns = [quaternion[axis] for axis in "xyzw"]
         more["rotation"] = {"columns": columns, "form": "quaternion_xyzw"}
     if more:
         found.sure.append(f"also used: {', '.join(_told(more))}")
     taken = used | set(_columns_in(more))
-    left = [name for name in table.names if name and name not in taken]
-    if left:
-        found.sure.append(f"not used: {', '.join(left)}")
+    _tell_unused(table, found, [name for name in table.names if name and name not in taken])
     return more
+
+
+def _add_warmth(
+    table: FoundTable, name: str, warm: tuple[str, str], more: dict[str, Any], found: _Found
+) -> None:
+    """Add a column of temperatures to a mapping, unless its part has one or it has no numbers."""
+    part, unit = warm
+    number = table.column(name)
+    entries = more.get("temperature", [])
+    if not np.isfinite(number).any() or any(entry["part"] == part for entry in entries):
+        return
+    factor, shift = KELVIN[unit or "degC"]
+    low, high = (float(v) * factor + shift for v in (np.nanmin(number), np.nanmax(number)))
+    if not unit and not _WORKSHOP[0] <= low <= high <= _WORKSHOP[1]:
+        found.doubts.append(
+            f"{name}: is this a temperature in degC? It would be {low:.3g} to {high:.3g} degC; "
+            "`unit` in the mapping may be degC, degF or K"
+        )
+    entry = {"part": part, "column": name, "unit": unit or "degC"}
+    more["temperature"] = [*entries, entry]
+
+
+def _tell_unused(table: FoundTable, found: _Found, left: Sequence[str]) -> None:
+    """Add the columns that are not used to the findings: targets, and rotations by themselves."""
+    targets = [
+        name
+        for group in found.points
+        if group.kind == INTENDED and set(group.columns) <= set(left)
+        for name in group.columns
+    ]
+    rest = [name for name in left if name not in targets]
+    told = [f"{', '.join(targets)} (targets)"] * bool(targets) + rest
+    if told:
+        found.sure.append(f"not used: {', '.join(told)}")
+    turn = rotation_columns(table, rest)
+    if turn:
+        found.sure.append(
+            f"{', '.join(turn)} look like a rotation, which a mapping can read: `rotation` with "
+            "`columns` and `form`, see docs/import.md"
+        )
 
 
 def _told(more: Mapping[str, Any]) -> Iterator[str]:
@@ -502,7 +676,8 @@ def _told(more: Mapping[str, Any]) -> Iterator[str]:
 
 def _doubt_of_differences(table: FoundTable, found: _Found) -> None:
     """Add a doubt if columns of differences suggest that the point is intended, not measured."""
-    if not table.named or any(_READ.search(bare_name(name)[0]) for name in found.place):
+    told = any(kind_of(name) == READ for name in found.place)
+    if not table.named or told or any(group.kind == INTENDED for group in found.points):
         return
     found_of = {
         match[1] or match[2]: name

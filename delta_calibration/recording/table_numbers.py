@@ -6,6 +6,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from delta_calibration.recording.table_mapping import (
 from delta_calibration.recording.table_repeats import new_rows
 from delta_calibration.recording.table_source import is_gap, read_source
 from delta_calibration.tables import Row
+from delta_calibration.texts import number_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -35,6 +37,7 @@ _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] largest distance of a reflector from its place in the fitted platform frame
 _YEAR = re.compile(r"%[YyGcDFxsj]")  # directives of a time that includes a date
 _COMMA = re.compile(r"[+-]?[\d.' ]*\d,\d+")  # perhaps a decimal comma
+_SIDES = "is not allowed; allowed: -1, 0, 1 (motion to the stop: backward, unknown, forward)"
 _NOT_UNIT = 1e-2  # deviation of a quaternion or matrix from unit length, too large for rounding
 
 
@@ -314,11 +317,14 @@ def _celsius(rows: Sequence[Row], mapping: TableMapping) -> Array:
 
 def _directions(rows: Sequence[Row], mapping: TableMapping) -> Array:
     """Direction of approach of each joint, (n, m): -1, 0 or 1."""
+    for row, name in product(rows, mapping.direction):
+        if _filled(row, name) and not np.isfinite(number_of(row.text[name] or "")):
+            raise row.wrong(name, _SIDES)
     sides = np.array([[_number(row, name) for name in mapping.direction] for row in rows])
     bad = np.argwhere(~np.isin(sides, (-1.0, 0.0, 1.0)))
     if len(bad):
         row, column = bad[0].tolist()
-        raise rows[row].wrong(mapping.direction[column], "is not allowed; allowed: -1, 0, 1")
+        raise rows[row].wrong(mapping.direction[column], _SIDES)
     return np.broadcast_to(sides, (len(rows), len(mapping.commands)))
 
 

@@ -28,6 +28,7 @@ from delta_calibration.texts import listed
 Array = NDArray[np.float64]
 
 _WORKBOOK = b"PK\x03\x04"
+_ARRAYS = (".npy", ".npz", ".mat")  # files of arrays; a .mat file may be a text, too
 _MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 # encodings of instruments and their computers; the first that fits is not always the likeliest
 _LIKELY = ["utf_16_le", "utf_16_be", "cp1252", "gb18030", "shift_jis", "euc_kr"]
@@ -222,7 +223,7 @@ def _by_marks(form: Form, cells: Sequence[str], path: Path) -> tuple[Form, tuple
 
 def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[str, ...]]:
     """Lines that are not empty, with their line numbers, from the form's first line on."""
-    data = read_bounded(path)
+    data = _data(path)
     notes: tuple[str, ...] = ()
     if data.startswith(_WORKBOOK):
         lines = list(_sheet(path, data, form))
@@ -240,6 +241,21 @@ def _lines(path: Path, form: Form) -> tuple[list[tuple[int, list[str]]], tuple[s
     if not lines:
         raise InputError(f"{path}: contains no points")
     return lines, notes
+
+
+def _data(path: Path) -> bytes:
+    """Content of a table's file.
+
+    Raises:
+        InputError: no such file, or arrays of numpy or MATLAB.
+    """
+    data = read_bounded(path)
+    if path.suffix.lower() in _ARRAYS and (data.startswith(_WORKBOOK) or b"\0" in data):
+        raise InputError(
+            f"{path}: {path.suffix} is no table that can be read; a text (such as CSV) or an xlsx "
+            "file is expected: save the columns as CSV, with their names in the first line"
+        )
+    return data
 
 
 def _require_points(path: Path, form: Form, lines: Sequence[tuple[int, list[str]]]) -> None:
@@ -276,7 +292,7 @@ def sheets_of(path: Path) -> list[str]:
     Raises:
         InputError: no such file, or a workbook that cannot be read.
     """
-    data = read_bounded(path)
+    data = _data(path)
     return list(_workbook(path, data)) if data.startswith(_WORKBOOK) else []
 
 
