@@ -16,7 +16,7 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.data import Survey, require_poses
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.constants import SCATTERS
+from delta_calibration.diagnosis.constants import SCATTERS, SURE_QUANTILE
 from delta_calibration.diagnosis.cross_validation import HeldOut, held_out
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
@@ -100,17 +100,28 @@ def _scattered(cell: Cell) -> str:
     """How much the noise of repeats exceeds that of the robot file, in words; empty if little.
 
     The scatter of tracker or joints may be wrong in the file. Or errors that neither time nor load
-    nor side of approach tell apart are taken for noise.
+    nor side of approach tell apart are taken for noise. Joints are spoken of if their scatter is so
+    large even at the lower end of its interval.
     """
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
         return ""
     filed = robot.joints.repeatability
-    joints = noise.repeatability / filed if filed > 0 else 0.0  # 0: nothing was stated
+    least = noise.repeatability * _least_share(noise.freedom)
+    joints = least / filed if filed > 0 else 0.0  # 0: nothing was stated
     tracker = max(noise.radial_scale, noise.transverse_scale)
     ratio, part = max((joints, "joints"), (tracker, "tracker"))
     entry = "repeatability" if part == "joints" else "noise"
     return _SCATTERED.format(ratio, entry, part) if ratio > SCATTERS else ""
+
+
+def _least_share(freedom: float) -> float:
+    """Lower end of the 95 % interval of a standard deviation, as a share of its estimate."""
+    from scipy.stats import chi2  # slow to load
+
+    if not np.isfinite(freedom):
+        return 1.0
+    return float(np.sqrt(freedom / chi2.ppf(1 - SURE_QUANTILE, freedom)))
 
 
 def diagnose(
