@@ -128,6 +128,21 @@ def test_drift_of_verdicts_shows_the_grown_play(verdicts: list[Path]) -> None:
         assert points.y[1] == pytest.approx(1.5 * points.y[0])
 
 
+def test_values_of_unlike_units_have_panels_of_their_own(verdicts: list[Path]) -> None:
+    """A drift may be a ramp in one session and settle in another."""
+    files = [read_verdict(path) for path in verdicts]
+    rates = [each for file in files for each in (file, file)]
+    for number, file in enumerate(rates):
+        unit = "rad/h" if number % 2 else "rad"
+        (finding,) = file.verdict.findings
+        values = {name: replace(e, unit=unit) for name, e in finding.parameters.items()}
+        verdict = replace(file.verdict, findings=(replace(finding, parameters=values),))
+        rates[number] = replace(file, name=f"{number}", verdict=verdict)
+    values = next(f for f in drift_of_verdicts(rates).figures() if f.name.startswith("values_"))
+    axes = [panel.y.title for panel in values.panels]
+    assert [title.rpartition("[")[2] for title in axes] == ["mrad]", "mrad/h]"]
+
+
 def test_compare_writes_pages_tables_and_numbers(
     verdicts: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

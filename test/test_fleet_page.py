@@ -142,6 +142,14 @@ def test_a_bad_batch_of_gears_shows_as_one() -> None:
     assert shared[0].p_value < 1e-4
 
 
+def test_the_order_that_sliding_joints_share_is_told_per_metre() -> None:
+    machines = fleet(np.random.default_rng(5), np.full(CAUSES, 0.01), batch=20)
+    for finding in (each for one in machines for each in one.findings):
+        finding["shape_unit"] = dict.fromkeys(finding["shape"], "1/m")
+    shared = shared_causes(machines, CAUSES, PLACES)
+    assert [each.what for each in shared] == ["transmission error of order 27 per m"]
+
+
 @pytest.mark.parametrize("spread", [0.0, 1.0])
 def test_causes_by_chance_are_not_shared(spread: float) -> None:
     """With equal rates, and with rates whose logarithm scatters between causes."""

@@ -16,6 +16,7 @@ from delta_calibration.cli.robot import command
 from delta_calibration.drafting import (
     OFFERED,
     commented,
+    draft_from_urdf,
     entries,
     model_for,
     reference,
@@ -25,6 +26,7 @@ from delta_calibration.drafting import (
     with_value,
 )
 from delta_calibration.drafting.review import _by_tolerances
+from delta_calibration.effects import effect_named
 from delta_calibration.errors import CalibrationError, InputError
 from delta_calibration.geometry import align
 from delta_calibration.mechanisms import MECHANISMS
@@ -407,11 +409,17 @@ JOINT = """
   </joint>"""
 
 
-def urdf(path: Path, joints: list[dict[str, str]], masses: dict[str, float] | None = None) -> Path:
+INERTIAL = '<inertial><origin xyz="{centre}"/><mass value="{kg}"/></inertial>'
+Masses = dict[str, tuple[float, str]]  # [kg] and centre of mass, by link
+
+
+def urdf(path: Path, joints: list[dict[str, str]], masses: Masses | None = None) -> Path:
     links = [joints[0]["parent"], *(joint["child"] for joint in joints)]
-    mass = masses or {}
+    mass = {
+        link: dict(zip(("kg", "centre"), m, strict=True)) for link, m in (masses or {}).items()
+    }
     text = "".join(
-        f'<link name="{link}"><inertial><mass value="{mass.get(link, 0.0)}"/></inertial></link>'
+        f'<link name="{link}">{INERTIAL.format(**mass[link]) if link in mass else ""}</link>'
         for link in links
     )
     text += "".join(JOINT.format(**joint) for joint in joints)
@@ -443,14 +451,12 @@ def crooked(count: int = 6) -> list[dict[str, str]]:
 
 def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
     """Compared with the independent URDF reader of the tests."""
-    file = urdf(tmp_path / "arm.urdf", crooked(), {"l2": 3.0, "tool": 0.5, "l6": 1.0})
+    file = urdf(tmp_path / "arm.urdf", crooked())
     data = robot_from_urdf(file)
     robot = robot_from(data, "arm.yaml")
     assert robot.name == "arm_7"
     assert robot.joints.names == tuple(f"axis_{k}" for k in range(1, 7))
     np.testing.assert_allclose(robot.joints.lower, -2.5)
-    masses = [link["mass_kg"] for link in data["geometry"]["links"]]
-    assert masses == [0.0, 3.0, 0.0, 0.0, 0.0, 1.5]
     tree, model = Urdf(file.read_text(encoding="utf-8")), robot.commanded
     for q in np.random.default_rng(2).uniform(-2.0, 2.0, (5, 6)):
         at = tree.place("tool", dict(zip(robot.joints.names, q, strict=True)))
@@ -458,6 +464,70 @@ def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
         np.testing.assert_allclose(model.position(x)[0], at[:3, 3], atol=1e-8)
         turn = Rotation.from_matrix(model.rotation(x)[0].T @ at[:3, :3])
         assert turn.magnitude() < 1e-7
+
+
+def upright_arm() -> list[dict[str, str]]:
+    """An arm that stands up straight: one vertical axis and two horizontal ones."""
+    rows = [("0 0 0.2", "0 0 1"), ("0 0 0.2", "0 1 0"), ("0 0 0.4", "0 1 0")]
+    joints = [
+        {"name": f"axis_{k}", "kind": "revolute", "parent": f"l{k - 1}", "child": f"l{k}"}
+        | {"xyz": xyz, "rpy": "0 0 0", "axis": axis}
+        for k, (xyz, axis) in enumerate(rows, 1)
+    ]
+    tool = {"name": "flange", "kind": "fixed", "parent": "l3", "child": "tool"}
+    return [*joints, {**tool, "xyz": "0 0 0.3", "rpy": "0 0 0", "axis": "1 0 0"}]
+
+
+EVEN: Masses = {
+    "l1": (5.0, "0 0 0.15"),  # its height loads no joint
+    "l2": (3.0, "0 0 0.2"),
+    "l3": (1.0, "0 0 0.1"),
+    "tool": (0.5, "0 0 -0.05"),  # both together in the middle of the last link
+}
+
+
+def test_masses_in_the_middle_of_their_links_come_from_the_urdf(tmp_path: Path) -> None:
+    """Those of links that hold on to each other are added, as are their moments."""
+    file, out = urdf(tmp_path / "arm.urdf", upright_arm(), EVEN), tmp_path / "arm.yaml"
+    done = run("from-urdf", file, "--out", out)
+    assert "note" not in done.output
+    links = load_robot(out).dimensions.links
+    assert [link.mass for link in links] == [5.0, 3.0, 1.5]
+    nearly = {**EVEN, "l2": (3.0, "0.02 0 0.2")}  # 0.06 of 2.45 kg m
+    draft = draft_from_urdf(urdf(tmp_path / "nearly.urdf", upright_arm(), nearly))
+    assert not draft.notes
+    assert [link["mass_kg"] for link in draft.document["geometry"]["links"]] == [5.0, 3.0, 1.5]
+
+
+def test_masses_elsewhere_are_left_out_with_a_note(tmp_path: Path) -> None:
+    """Evenly spread, they would give wrong compliances; without them moments are fitted."""
+    masses = {**EVEN, "l2": (3.0, "0 0.01 0.06"), "l3": (1.0, "0 0 0.13")}
+    file, out = urdf(tmp_path / "arm.urdf", upright_arm(), masses), tmp_path / "arm.yaml"
+    done = run("from-urdf", file, "--out", out)
+    assert done.exit_code == 0, done.output
+    told = "differ from that (l2 by 140 mm, l3 by 20 mm)"
+    assert told in done.output
+    assert "gravity_sag" in done.output
+    head, _, _ = out.read_text(encoding="utf-8").partition("schema:")
+    assert told in " ".join(line.removeprefix("# ") for line in head.splitlines())
+    robot = load_robot(out)
+    assert not any(link.mass for link in robot.dimensions.links)
+    assert "mass_kg" not in out.read_text(encoding="utf-8")
+    assert effect_named("gravity_sag", robot, robot.model(), {}).suits
+
+
+def test_links_that_hold_each_other_in_a_circle_end_the_search_for_masses(tmp_path: Path) -> None:
+    file = urdf(tmp_path / "arm.urdf", upright_arm(), EVEN)
+    loop = "".join(
+        JOINT.format(
+            name=a, kind="fixed", parent=a, child=b, xyz="0 0 0", rpy="0 0 0", axis="1 0 0"
+        )
+        for a, b in ("xy", "yx")
+    )
+    text = file.read_text(encoding="utf-8").replace("</robot>", f'{loop}<link name="x"/>')
+    file.write_text(f'{text}<link name="y"/></robot>', encoding="utf-8")
+    links = robot_from_urdf(file)["geometry"]["links"]
+    assert [link["mass_kg"] for link in links] == [5.0, 3.0, 1.5]
 
 
 @pytest.mark.parametrize("name", ["ur10", "scara"])

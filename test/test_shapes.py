@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from delta_calibration.diagnosis.findings import shape_of, spread_of
 from delta_calibration.diagnosis.fitted import gains_of
 from delta_calibration.diagnosis.set_aside import like_neighbours
 from delta_calibration.diagnosis.shapes import Shapes
+from delta_calibration.diagnosis.verdict import Estimate, Finding
 from delta_calibration.effects import effect_named
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
@@ -56,6 +58,28 @@ def test_what_a_frequency_leaves_open_is_in_the_intervals(fitted, machine):
     error = fitted.theta[own] - machine.theta[machine.chain.layout.effects]
     std = np.sqrt(np.diag(covariance_of(fitted))[own])
     assert np.abs(error / std).max() < 3.5
+
+
+def test_the_order_of_a_slider_is_told_in_cycles_per_metre(fitted):
+    (term,) = fitted.terms
+    spread = spread_of(fitted.evidence, fitted, term)[1]
+    shape = shape_of(term, spread)
+    order, ((_, low, high),) = shape["order"], term.effect.bounded_intervals()
+    assert order.unit == "1/m"
+    assert order.value == pytest.approx(term.effect.cycles / (2 * np.pi), rel=1e-12)
+    assert abs(order.value - 1 / 0.0123) < 4 * order.std
+    assert order.std == pytest.approx(spread[0] * (high - low) / 12**0.5 / (2 * np.pi))
+    sizes = dict.fromkeys(("confidence", "rms_before_mm", "gain", "gain_low", "gain_high"), 1.0)
+    sizes |= dict.fromkeys(("p_value", "rms_after_mm", "signal"), 0.0)
+    (told,) = Finding(term.cause, None, "drive", (), None, {}, **sizes, shape=shape).shape_told()
+    assert re.fullmatch(r"order 81\.3\d+ \+- 0\.\d+ cycles per m \(period 12\.\d+ mm\)", told)
+
+
+def test_the_order_of_a_joint_that_turns_is_told_in_cycles_per_turn():
+    robot = load_robot("srbd")
+    effect = effect_named("transmission_error", robot, robot.model(), {"cycles": 66.0})
+    term = Candidate("transmission_error", effect.kind, None, effect, (0,))
+    assert shape_of(term, np.zeros(1)) == {"order": Estimate(66.0, 0.0, "1")}
 
 
 def test_positions_go_by_amplitude_and_frequency_together(fitted, machine):

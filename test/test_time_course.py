@@ -9,11 +9,17 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from blind import hide
+from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.cli.diagnose import describe
 from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
+from delta_calibration.documents import check_document, load_schema, read_document
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import InputError
+from delta_calibration.plans import make_plan
+from delta_calibration.report.words import estimate
 from delta_calibration.robot import load_robot
+from delta_calibration.simulation import draw_machine, simulate_session
 
 PERIOD, PHASE = 4000.0, 0.3
 
@@ -43,6 +49,55 @@ def test_a_phase_without_a_period_is_refused(cause: str) -> None:
     robot = load_robot("srbd")
     with pytest.raises(InputError, match=r"phase: 0\.2 is not allowed without a period"):
         effect_named(cause, robot, robot.model(), {"phase": 0.2})
+
+
+@pytest.mark.parametrize(
+    ("robot", "cause", "shape", "units"),
+    [
+        ("srbd", "joint_zero_drift", {}, {"rad/h"}),
+        ("srbd", "joint_zero_drift", {"time_constant": 2400.0}, {"rad"}),
+        ("srbd", "joint_zero_drift", {"step_at": 0.0}, {"rad"}),
+        ("srbd", "joint_zero_drift", {"period": PERIOD}, {"rad"}),
+        ("linear_delta", "joint_zero_drift", {}, {"m/h"}),
+        ("srbd", "tracker_drift", {}, {"m/h", "rad/h"}),
+        ("srbd", "tracker_drift", {"step_at": 100.0}, {"m", "rad"}),
+        ("srbd", "thermal_growth_arm", {}, {"1/h"}),
+        ("srbd", "thermal_growth_arm", {"sensor": "arm"}, {"1/K"}),
+        ("srbd", "thermal_growth_arm", {"period": PERIOD}, {"1"}),
+        ("cdpr8", "pretension_loss", {}, {"1/h"}),
+        ("cdpr8", "pretension_loss", {"time_constant": 2400.0}, {"1"}),
+    ],
+)
+def test_values_of_a_ramp_alone_are_told_per_hour(robot, cause, shape, units) -> None:
+    """Of every parameter; a calibration file holds the same unit in all shapes."""
+    known = load_robot(robot)
+    effect = effect_named(cause, known, known.model(), shape)
+    assert {effect.told_unit(p) for p in effect.parameters} == units
+    assert not any("/h" in p.unit for p in effect.parameters)
+
+
+def test_a_zero_that_creeps_is_told_per_hour_and_kept_in_its_own_unit(tmp_path) -> None:
+    robot = load_robot("srbd")
+    drift = ("joint_zero_drift", {"location": "joint_2", "value": "4e-4"})
+    plan = make_plan("identify", robot, count=60, seed=5)
+    session = simulate_session(draw_machine(robot, 5, hidden=[drift]), plan, 5, period=60.0)
+    seen = survey(session, robot.joints.names)
+    tried = (effect_named("joint_zero_drift", robot, robot.model(), {}),)
+    found = diagnose(seen, robot, effects=tried)
+    (finding,) = found.verdict.findings
+    value = finding.parameters["drift_2"]
+    assert finding.shape == {}
+    assert abs(value.value - 4e-4) < 4 * value.std
+    told = found.verdict.as_dict()
+    check_document(told, load_schema("verdict"), "verdict")
+    assert told["findings"][0]["parameters"]["drift_2"]["unit"] == "rad/h"
+    assert " urad/h\n" in describe(found.verdict)
+    assert "µrad/h" in estimate("drift_2", value)
+    path = tmp_path / "calibration.yaml"
+    save_calibration(path, found.identification, robot, seen.poses)
+    (kept,) = read_document(path, lambda _: load_schema("calibration"))["effects"]
+    assert {p["unit"] for p in kept["parameters"]} == {"rad"}
+    assert load_calibration(path, robot).chain.effects[0].cause == "joint_zero_drift"
 
 
 @pytest.mark.slow

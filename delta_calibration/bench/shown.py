@@ -105,7 +105,7 @@ def shown(verdict: Verdict, robot: Robot) -> Shown:
         tuple(_cause(finding, robot) for finding in verdict.findings),
         tuple(map(named, _unknown(verdict))),
         tuple(
-            named(capital(f"{listed(map(spoken, e.between))}: {e.because}; {e.next}"))
+            named(capital(f"{listed(map(spoken, e.between))}: {e.why()}"))
             for e in verdict.cannot_tell
         ),
     )
@@ -119,7 +119,7 @@ def _cause(finding: Finding, robot: Robot) -> Cause:
     lines = [f"found: {values}", finding.errors(), *finding.found_in_full()]
     if finding.equivalents:
         others = listed(map(spoken, finding.equivalents))
-        lines.append(f"indistinguishable here: {others}; to separate them: {finding.separated_by}")
+        lines.append(f"indistinguishable here: {others}{finding.to_separate()}")
     title = f"{capital(finding.called())}, {sure(finding.confidence)} sure"
     return Cause(robot.named(title), tuple(robot.named(capital(line)) for line in lines))
 

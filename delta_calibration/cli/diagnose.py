@@ -222,7 +222,7 @@ def describe(
     if verdict.cannot_tell:
         lines += ["", "this session cannot distinguish:"]
         for entry in verdict.cannot_tell:
-            lines.append(f"  {' / '.join(entry.between)}: {entry.because}; {entry.next}")
+            lines.append(f"  {' / '.join(entry.between)}: {entry.why()}")
     return named("\n".join(lines))
 
 
@@ -242,10 +242,8 @@ def _finding(finding: Finding) -> list[str]:
     ]
     lines += [f"  {line}" for line in finding.found_in_full()]
     if finding.equivalents:
-        lines.append(
-            f" indistinguishable in this session: {', '.join(finding.equivalents)}; to separate "
-            f"them: {finding.separated_by}"
-        )
+        same = f"{', '.join(finding.equivalents)}{finding.to_separate()}"
+        lines.append(f"  indistinguishable in this session: {same}")
     return lines
 
 

@@ -138,25 +138,39 @@ def command(
         carried = expected.carried
     with counter(most_evaluations(chosen, robot, model), "machine") as count:
         found = identify(poses, robot, model, seed, chosen, count, carried, population)
-    click.echo(describe_poses(poses))
+    click.echo(describe_poses(poses, int(np.sum(found.weight == 0))))
     if expected is not None:
         click.echo(describe_carried(expected, session.resolve().name))
-    click.echo(describe(found, verbose))
+    click.echo(describe(found, verbose, poses))
     if out is not None:
         save_calibration(out, found, robot, poses)
         click.echo(f"written: {out}")
 
 
-def describe_poses(poses: Poses) -> str:
-    """Text on the readings of a session: poses at rest, places, readings set aside, notes."""
+def describe_poses(poses: Poses, weightless: int = 0) -> str:
+    """Text on the readings of a session: poses at rest, places, readings set aside, notes.
+
+    Args:
+        poses: the poses.
+        weightless: how many of them a robust fit gave no weight.
+    """
     places = len(np.unique(poses.place))
-    aside = set_aside(poses.rejected.counts()) or "none"
+    without = f"; without weight in the robust fit: {_poses(weightless)}" if weightless else ""
     lines = [
         f"{Path(poses.source).name}: {poses.readings} readings in {duration(poses.duration)}, "
-        f"{len(poses)} poses at rest in {places} places; set aside: {aside}",
+        f"{len(poses)} poses at rest in {places} places; {_aside(poses)}{without}",
         *(f"note: {note}" for note in poses.notes),
     ]
     return "\n".join(lines)
+
+
+def _poses(count: int) -> str:
+    return "1 pose" if count == 1 else f"{count} poses"
+
+
+def _aside(poses: Poses) -> str:
+    """Readings that were set aside before any fit, in words."""
+    return f"set aside: {set_aside(poses.rejected.counts()) or 'none'}"
 
 
 def describe_carried(expected: Prospect, session: str) -> str:
@@ -165,16 +179,14 @@ def describe_carried(expected: Prospect, session: str) -> str:
     return plain("\n".join([*expected.sentences(session), *warning]))
 
 
-def describe(found: Identification, verbose: bool) -> str:
-    """Text of the fit's result for the user."""
+def describe(found: Identification, verbose: bool, poses: Poses | None = None) -> str:
+    """Text of the fit's result for the user; with the poses also what was set aside before it."""
     noise, seen = found.noise, found.observability
     origin = (
         f"from repeats, {noise.degrees} degrees of freedom"
         if noise.measured
         else "from the robot file"
     )
-    down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
-    poses = "1 pose" if down == 1 else f"{down} poses"
     lines = [
         f"noise of a pose: {mm(1e3 * noise.floor)} mm RMS in 3-D ({origin}); repeatability of "
         f"the joints {noise.repeatability * 1e6:.1f} u{found.chain.mechanism.joint_unit}; "
@@ -188,14 +200,23 @@ def describe(found: Identification, verbose: bool) -> str:
         _residuals(found),
         "",
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
-        f"chi square per degree of freedom {found.chi_square:.2f}"
-        + (f"; {poses} given less weight, {gone} of them left out" if down else ""),
+        f"chi square per degree of freedom {found.chi_square:.2f}" + _weights(found, poses),
         *(f"warning: {text}" for text in doubts(found)),
         *_deviations(found),
         *_unset(found, verbose),
         *_correlated(found, verbose),
     ]
     return "\n".join(lines)
+
+
+def _weights(found: Identification, poses: Poses | None) -> str:
+    """How many poses the robust fit gave less weight, and no weight; empty if none."""
+    down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
+    if not down:
+        return ""
+    none = f", {gone} of them none" if gone else ""
+    aside = f"; readings {_aside(poses)}" if poses is not None else ""
+    return f"; {_poses(down)} given less weight by the robust fit{none}{aside}"
 
 
 def _turned(found: Identification) -> list[str]:

@@ -34,12 +34,14 @@ def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
             if value != parameter.nominal:
                 told = found.get((effect.cause, parameter.name))
                 name = f"{spoken(effect.cause)}, {spoken(parameter.name)}"
-                rows.append(_row(name, parameter.unit, value, told))
+                rows.append(_row(name, effect.told_unit(parameter), value, told))
     return table(("hidden", "unit", "true", "found", "95 % interval"), rows)
 
 
 def _row(name: str, own: str, true: float, found: tuple[float, float] | None) -> tuple[str, ...]:
-    factor, unit = _SHOWN.get(own, (1.0, own))
+    of, slash, per = own.partition("/")
+    factor, shown = _SHOWN.get(of, (1.0, of))
+    unit = f"{shown}{slash}{per}"
     if found is None:
         return name, unit, figures(factor * true, 4), NO_VALUE, NO_VALUE
     value, half = factor * found[0], factor * _SURE * found[1]

@@ -17,12 +17,12 @@ from delta_calibration.drafting import (
     OFFERED,
     Entry,
     commented,
+    draft_from_urdf,
     entries,
     model_for,
     parts_of,
     reference,
     review,
-    robot_from_urdf,
     value_at,
     with_value,
 )
@@ -174,17 +174,21 @@ def new(
 def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: str | None) -> None:
     """Write the robot file of a serial arm of turning joints from its URDF.
 
-    Lengths, axes, joint names, limits and masses come from the URDF. Tolerances, tracker and
-    correction limits are proposals: review them. Before the file is written, it is checked that
-    URDF and robot file put the tool at the same position.
+    Lengths, axes, joint names and limits come from the URDF, and so do masses if their centres are
+    in the middle of the links: a robot file spreads a mass evenly from joint to joint. Otherwise
+    masses are left out, with a note, and a diagnosis fits the first moments of the links
+    (gravity_sag). Tolerances, tracker and correction limits are proposals: review them. Before the
+    file is written, it is checked that URDF and robot file put the tool at the same position.
     """
     require_folder(out)
     if out.exists():
         raise InputError(f"{out}: already exists; name another file")
-    data = robot_from_urdf(urdf, base=base, tip=tip, name=name)
-    robot_from(data, str(urdf))
-    write_text(out, commented(data))
+    draft = draft_from_urdf(urdf, base=base, tip=tip, name=name)
+    robot_from(draft.document, str(urdf))
+    write_text(out, commented(draft.document, draft.notes))
     click.echo(f"written: {out}; tolerances, tracker and limits are proposals: review them")
+    for note in draft.notes:
+        click.echo(f"note: {note}")
 
 
 @command.command("reference", short_help="write a reference page of all entries")

@@ -39,8 +39,9 @@ Measurement (default strength 1, as for all below):
   timestamp_latency
 Drive:
   encoder_eccentricity  value: amplitude
-  transmission_error    value: amplitude; cycles=N per turn (default: gear
-                        ratio); second=2: also a wave of twice the order
+  transmission_error    value: amplitude; cycles=N per turn, or per 2 pi m of
+                        a sliding joint (default: gear ratio); second=2: also
+                        a wave of twice the order
   joint_scale joint_compliance joint_lag
   backlash              with masses in the robot file, held_by=N m (N if the
                         joint slides): loads above it hold the gear on one

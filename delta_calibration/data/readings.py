@@ -104,7 +104,8 @@ def match(session: Session, joint_names: Sequence[str], joint_size: float = 1.0)
         commanded, also = _at(stream, stamps, held)
         command = np.where(also[:, None], commanded, np.nan)
         gone, _ = _at(_distance(stream), stamps, held)
-        notes += _seldom(stream)
+        if not _led_up_to(stream, tracker.stamp_ns):
+            notes += _seldom(stream)
     if not known.any():
         raise DataError(
             f"{session.source}: no tracker reading has joint values at nearly the same time: "
@@ -145,6 +146,16 @@ def _seldom(command: JointStream) -> list[str]:
     if step <= _OFTEN:
         return []
     return [f"commands {step:.2g} s apart: a reversal of a joint in between is not detected"]
+
+
+def _led_up_to(command: JointStream, read: NDArray[np.int64]) -> bool:
+    """Whether one command leads up to each reading, as where a table states the directions.
+
+    Between a reading and the one before there is then a single further command, short of the stop.
+    """
+    stamps, commands = np.unique(read), np.setdiff1d(command.stamp_ns, read)
+    between = np.diff(np.searchsorted(commands, stamps), prepend=0)
+    return len(stamps) > 0 and bool((between > 0).all() and np.median(between) == 1)
 
 
 def _ordered(stream: JointStream, names: Sequence[str], source: str) -> JointStream:

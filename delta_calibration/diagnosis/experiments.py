@@ -50,6 +50,18 @@ def next_experiment(evidence: LinearizedModel, first: Candidate, second: Candida
     return Outlook.on(evidence, robot).next_experiment(first, second)
 
 
+def further_experiment(
+    evidence: LinearizedModel, first: Candidate, second: Candidate | None
+) -> str:
+    """The experiment for two candidates that the session did not separate; empty if none is known.
+
+    Where it separates them at their typical sizes, it did not at the size that was found, such as
+    a curve that contains what the other candidate does: more poses do not change that.
+    """
+    said = next_experiment(evidence, first, second)
+    return Pair(first, second).outside if said == ALREADY else said
+
+
 def visibility(evidence: LinearizedModel, effect: Effect) -> tuple[float, float]:
     """Signal (lambda) of an effect of typical size, beside the frame, and beside the geometry too.
 

@@ -39,7 +39,7 @@ from delta_calibration.diagnosis.cross_validation import (
     sectors_of_motion,
     stretches,
 )
-from delta_calibration.diagnosis.experiments import next_experiment
+from delta_calibration.diagnosis.experiments import further_experiment
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import (
     Outlier,
@@ -291,9 +291,9 @@ def shape_of(term: Candidate, spread: Array) -> dict[str, Estimate | str]:
         return {}
     shape: dict[str, Estimate | str] = {}
     for (name, low, high), share in zip(effect.bounded_intervals(), spread, strict=True):
-        told, unit = effect.told[name]
-        std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
-        shape[told] = Estimate(float(getattr(effect, name)), std, effect.unit_of(unit))
+        told, unit, factor = effect.as_told(name)
+        std = factor * float(share) * (high - low) / 12**0.5  # of a uniform distribution
+        shape[told] = Estimate(factor * float(getattr(effect, name)), std, unit)
     shape |= effect.chosen
     sensor = effect.settings.get(SENSOR)
     return shape | ({SENSOR: sensor} if isinstance(sensor, str) and sensor else {})
@@ -423,7 +423,7 @@ def separated_by(
     evidence: LinearizedModel, term: Candidate, others: tuple[Candidate, ...]
 ) -> str | None:
     """The experiment that separates a cause from the nearest of its class, if there is one."""
-    return next_experiment(evidence, term, others[0]) if others else None
+    return further_experiment(evidence, term, others[0]) or None if others else None
 
 
 def _finding(
@@ -437,7 +437,7 @@ def _finding(
     experiment: str | None,
 ) -> Finding:
     estimates = {
-        p.name: Estimate(float(v - p.nominal), float(s * p.prior), p.unit)
+        p.name: Estimate(float(v - p.nominal), float(s * p.prior), _unit(term, p))
         for p, v, s in zip(items, value, spread, strict=True)
     }
     return Finding(
@@ -457,6 +457,11 @@ def _finding(
         signal=stand.signal,
         in_motion=held.in_motion,
     )
+
+
+def _unit(term: Candidate, parameter: Parameter) -> str:
+    """Unit of a term's parameter in a verdict."""
+    return parameter.unit if term.effect is None else term.effect.told_unit(parameter)
 
 
 def items_of(model: Fitted, term: Candidate) -> list[Parameter]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate, columns_of, dimensions, subsets
 from delta_calibration.diagnosis.constants import HIDDEN, NAMED
-from delta_calibration.diagnosis.experiments import next_experiment, visibility
+from delta_calibration.diagnosis.experiments import further_experiment, visibility
 from delta_calibration.diagnosis.fitted import beside
 from delta_calibration.diagnosis.geometry import offset_rows, without, without_geometry
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -128,9 +128,9 @@ def _blind(
     candidate = next(subsets(shape))
     covering = _covering(evidence, terms, shape)
     if covering is not None:
-        following = next_experiment(evidence, candidate, covering)
+        following = further_experiment(evidence, candidate, covering)
         return (covering.cause,), _COVERED, following
-    following = next_experiment(whole, candidate, None)
+    following = further_experiment(whole, candidate, None)
     constant = _constant(evidence, shape)
     if bare < NAMED:
         return (), constant or _too_small(evidence, shape, unknown), following

@@ -7,9 +7,10 @@ from dataclasses import asdict, dataclass, field
 from math import inf
 from typing import Any
 
-from delta_calibration.wording import capital, listed, mm, set_aside, spoken, sure
+from delta_calibration.wording import capital, listed, measured, mm, plain, set_aside, spoken, sure
 
 SCHEMA = 2
+_ORDER, _PER_METRE = "order", "1/m"  # entry of a shape, and its unit where joints slide
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,10 @@ class Finding:
         """The searched fields of the shape with standard deviations, in words."""
         return tuple(_told(name, value) for name, value in self.shape.items())
 
+    def to_separate(self) -> str:
+        """How to separate it from causes indistinguishable from it; empty if it is not known."""
+        return f"; to separate them: {self.separated_by}" if self.separated_by else ""
+
     def found_in_full(self) -> tuple[str, ...]:
         """Lines of text: searched shape, recommended action and test that confirms the cause."""
         lines = [", ".join(self.shape_told())]
@@ -204,7 +209,11 @@ class CannotTell:
 
     between: tuple[str, ...]
     because: str
-    next: str
+    next: str  # empty if no measurement is known
+
+    def why(self) -> str:
+        """The reason and the next measurement, in words."""
+        return "; ".join(filter(None, (self.because, self.next)))
 
 
 @dataclass(frozen=True)
@@ -268,6 +277,9 @@ def _told(name: str, value: Estimate | str) -> str:
     """A searched value in words; a unit at the end of the name is not repeated in it."""
     if isinstance(value, str):
         return f"{spoken(name)} {value}"
+    if name == _ORDER and value.unit == _PER_METRE:
+        size = plain(measured(value.value, value.std, "1"))
+        return f"{name} {size} cycles per m (period {1e3 / value.value:.5g} mm)"
     words = spoken(name.removesuffix(f"_{value.unit.lower()}"))
     unit = "" if value.unit in ("", "1") else f" {value.unit}"
     error = "" if value.std is None else f" +- {value.std:.2g}"

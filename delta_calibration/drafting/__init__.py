@@ -12,13 +12,15 @@ from delta_calibration.drafting.form import (
     with_value,
 )
 from delta_calibration.drafting.review import Review, review
-from delta_calibration.drafting.serial_urdf import robot_from_urdf
+from delta_calibration.drafting.serial_urdf import Draft, draft_from_urdf, robot_from_urdf
 
 __all__ = [
     "OFFERED",
+    "Draft",
     "Entry",
     "Review",
     "commented",
+    "draft_from_urdf",
     "entries",
     "model_for",
     "parts_of",

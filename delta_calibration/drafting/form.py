@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from io import StringIO
+from textwrap import wrap
 from typing import Any
 
 from jsonschema import Draft202012Validator
@@ -252,8 +253,8 @@ def with_value(data: Document, path: tuple[str, ...], value: Any) -> dict[str, A
     return {**data, first: with_value(inside, tuple(rest), value) if rest else value}
 
 
-def commented(data: Document) -> str:
-    """Robot file as YAML text, with the description of each entry as a comment."""
+def commented(data: Document, notes: Iterable[str] = ()) -> str:
+    """Robot file as YAML text: notes, then entries with their descriptions as comments."""
     made = _with_comments(data, robot_schema(str(data["mechanism"])), 0)
     for key in list(made)[len(_GIVEN) :]:
         made.yaml_set_comment_before_after_key(key, before="\n")
@@ -261,7 +262,8 @@ def commented(data: Document) -> str:
     yaml.width = _WIDTH
     yaml.indent(mapping=2, sequence=4, offset=2)
     yaml.dump(made, text)
-    return text.getvalue()
+    lines = [line for note in notes for line in wrap(f"note: {note}", _WIDTH - 2)]
+    return "".join(f"# {line}\n" for line in lines) + text.getvalue()
 
 
 def _with_comments(value: Any, schema: Mapping[str, Any], indent: int) -> Any:

@@ -7,6 +7,14 @@ axis i + 1, and A_i leads from frame i - 1 to frame i,
     A_i = R_x(twist) T_x(length) R_z(q_i + zero) T_z(offset)
 
 The result is compared with the forward kinematics of the URDF.
+
+A robot file spreads the mass of a link evenly from its joint to the next, while a URDF places its
+centre of mass anywhere. The torques of gravity are linear in the static moments of the links (mass
+times distance), and the compliances that follow from them are wrong by as much as the moments are.
+Therefore masses are only written if the centres of mass agree with an even spread: the moments
+m_i e_i of their distances e_i from it may add up to 5 % of the links' own, the sum of m_i l_i over
+masses times lengths. Where all axes up to a link are upright, e_i is the horizontal distance,
+because a height exerts no torque there. Without masses `gravity_sag` fits the first moments.
 """
 
 from __future__ import annotations
@@ -23,6 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.effects.gravity_sag import GravitySag
 from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.mechanisms import SerialArm
@@ -38,6 +47,9 @@ _TRIALS, _WIDEST = 256, 2 * np.pi / 3  # candidates for home, and their largest 
 _REACH = 0.15  # half edge of the proposed workspace, as a share of the arm's length
 _TURN = 360.0  # [deg] limits of a continuous joint
 _SPEED = 120.0  # [deg/s] default if the URDF has no limit
+_OFF = 0.05  # of the links' static moments: largest part that an even spread may miss
+_UPRIGHT = 1e-6  # sine of the angle between an axis and the vertical below which it is upright
+_NAMED = 3  # largest number of links that a note names
 _XACRO = ("<xacro:", "${", "$(")  # marks of xacro, which no plain URDF contains
 
 
@@ -57,12 +69,34 @@ class UrdfJoint:
 
 
 @dataclass(frozen=True)
+class Mass:
+    """Mass of a link, or of all that moves with it."""
+
+    kg: float
+    centre: Array  # (3,) [m] of mass, in the link
+
+    def joined(self, other: Mass) -> Mass:
+        """Both together, their centres in the same frame."""
+        kg = self.kg + other.kg
+        moment = self.kg * self.centre + other.kg * other.centre
+        return Mass(kg, moment / kg if kg else self.centre)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """Content of a robot file, and what its reader should know about it."""
+
+    document: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Chain:
     """Joints from base to tip, including fixed ones, and the masses of all links."""
 
     name: str
     joints: tuple[UrdfJoint, ...]
-    masses: dict[str, float]  # [kg] by link
+    masses: dict[str, Mass]  # by link
     every: tuple[UrdfJoint, ...]  # joints of the whole tree
 
     @property
@@ -84,7 +118,14 @@ class Chain:
 def robot_from_urdf(
     path: Path, base: str | None = None, tip: str | None = None, name: str | None = None
 ) -> dict[str, Any]:
-    """Make the content of a robot file for the serial arm in a URDF.
+    """Make the content of a robot file for the serial arm in a URDF, see `draft_from_urdf`."""
+    return draft_from_urdf(path, base, tip, name).document
+
+
+def draft_from_urdf(
+    path: Path, base: str | None = None, tip: str | None = None, name: str | None = None
+) -> Draft:
+    """Make the content of a robot file for the serial arm in a URDF, with notes on it.
 
     Args:
         path: URDF file; xacro is not allowed.
@@ -97,10 +138,14 @@ def robot_from_urdf(
             from, or a first axis that modified DH cannot reach from the base.
     """
     chain = _chain(path, base, tip)
-    links, tool = _denavit_hartenberg(chain, path)
+    links, tool, places = _denavit_hartenberg(chain, path)
+    carried = _carried(chain)
+    note = _uneven(chain, carried, places)
+    if not note:
+        links = [{**k, "mass_kg": mass.kg} for k, mass in zip(links, carried, strict=True)]
     document = _document(chain, links, tool, name)
     _require_same(chain, document, path)
-    return _with_home(document)
+    return Draft(_with_home(document), (note,) if note else ())
 
 
 # --- reading
@@ -139,7 +184,7 @@ def _chain(path: Path, base: str | None, tip: str | None) -> Chain:
     return Chain(str(root.get("name") or path.stem), tuple(reversed(way)), links, joints)
 
 
-def _require_links(joints: Iterable[UrdfJoint], links: Mapping[str, float], path: Path) -> None:
+def _require_links(joints: Iterable[UrdfJoint], links: Mapping[str, Mass], path: Path) -> None:
     """Refuse a joint whose parent or child link is not defined: a chain would end before it.
 
     Raises:
@@ -154,7 +199,7 @@ def _require_links(joints: Iterable[UrdfJoint], links: Mapping[str, float], path
                 )
 
 
-def _link(name: str | None, option: str, links: dict[str, float], path: Path) -> str | None:
+def _link(name: str | None, option: str, links: dict[str, Mass], path: Path) -> str | None:
     if name is not None and name not in links:
         raise InputError(
             f"{path}: --{option} {name!r}: no such link; there are: {', '.join(links)}"
@@ -235,10 +280,13 @@ def _origin(element: Element, where: str, path: Path) -> Frame:
     return Frame(Rotation.from_euler("xyz", turns).as_matrix(), place)
 
 
-def _mass(link: Element, path: Path) -> float:
-    inertial = link.find("inertial")
-    found = None if inertial is None else inertial.find("mass")
-    return float(_numbers(found, "value", (0.0,), f"link {link.get('name')!r}", path)[0])
+def _mass(link: Element, path: Path) -> Mass:
+    inertial, where = link.find("inertial"), f"link {link.get('name')!r}"
+    if inertial is None:
+        return Mass(0.0, np.zeros(3))
+    kg = _numbers(inertial.find("mass"), "value", (0.0,), where, path)
+    centre = _numbers(inertial.find("origin"), "xyz", (0.0, 0.0, 0.0), where, path)
+    return Mass(float(kg[0]), centre)
 
 
 def _numbers(
@@ -259,8 +307,13 @@ def _numbers(
 # --- from axes to links
 
 
-def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]], Frame]:
-    """Links of the robot file from the chain's axes, and the tool in the last link's frame."""
+def _denavit_hartenberg(
+    chain: Chain, path: Path
+) -> tuple[list[dict[str, Any]], Frame, list[Array]]:
+    """Links of the robot file from the chain's axes, the tool in the last link's frame, and ends.
+
+    The ends are where each link begins, and the tool, in the base [m].
+    """
     *joints, tip = chain.frames(np.zeros(len(chain.turning)))
     axes = [
         (frame.translation, frame.rotation @ joint.axis)
@@ -268,10 +321,11 @@ def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]],
     ]
     _require_first(axes[0], chain, path)
     before = Frame.identity()  # origin and axes of the frame reached
-    links = []
+    links, places = [], []
     for number, (point, direction) in enumerate(axes):
         x = before.rotation[:, 0]
         foot = _foot(before.translation, x, point, direction)
+        places.append(foot)
         twist = _angle(before.rotation[:, 2], direction, x)
         origin, ahead = _next_frame(axes[number:], foot, x)
         links.append(
@@ -284,7 +338,7 @@ def _denavit_hartenberg(chain: Chain, path: Path) -> tuple[list[dict[str, Any]],
             }
         )
         before = Frame(np.stack([ahead, np.cross(direction, ahead), direction], axis=1), origin)
-    return links, before.inverse() @ tip
+    return links, before.inverse() @ tip, [*places, tip.translation]
 
 
 def _require_first(axis: tuple[Array, Array], chain: Chain, path: Path) -> None:
@@ -373,8 +427,6 @@ def _document(
     chain: Chain, links: list[dict[str, Any]], tool: Frame, name: str | None
 ) -> dict[str, Any]:
     joints = chain.turning
-    for link, mass in zip(links, _moving(chain), strict=True):
-        link["mass_kg"] = mass
     mount = Rotation.from_matrix(tool.rotation).as_euler("ZYX", degrees=True)
     speed = min((np.degrees(j.speed) for j in joints if np.isfinite(j.speed)), default=_SPEED)
     called = name or "".join(c if c.isalnum() else "_" for c in chain.name.lower()).strip("_")
@@ -417,18 +469,54 @@ def _document(
     }
 
 
-def _moving(chain: Chain) -> list[float]:
-    """Mass of all links that each joint carries and the next one does not [kg]."""
+def _carried(chain: Chain) -> list[Mass]:
+    """All links that each joint carries and the next one does not; centres in the base at zero."""
     turning = {joint.child: number for number, joint in enumerate(chain.turning)}
-    held = {joint.child: joint.parent for joint in chain.every}
-    found = [0.0] * len(chain.turning)
+    held = {joint.child: joint for joint in chain.every}
+    frames = list(chain.frames(np.zeros(len(turning))))
+    found = [Mass(0.0, np.zeros(3)) for _ in turning]
     for link, mass in chain.masses.items():
-        at = link
-        while at not in turning and at in held:
-            at = held[at]
+        at, place = link, Frame.identity()
+        for _ in held:  # at most: links can hold each other in a circle
+            if at in turning or at not in held:
+                break
+            at, place = held[at].parent, held[at].origin @ place
         if at in turning:
-            found[turning[at]] += mass
+            here = (frames[turning[at]] @ place).apply(mass.centre)
+            found[turning[at]] = found[turning[at]].joined(Mass(mass.kg, here))
     return found
+
+
+def _uneven(chain: Chain, carried: Sequence[Mass], places: Sequence[Array]) -> str:
+    """Note that masses are left out, with the links that are not spread evenly; else empty."""
+    kg = np.array([mass.kg for mass in carried])
+    off = _off_middle(chain, carried, places)
+    length = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    if kg @ off <= _OFF * (kg @ length):
+        return ""
+    worst = [k for k in np.argsort(-kg * off).tolist() if kg[k] * off[k] > 0]
+    told = [f"{chain.turning[k].child} by {1e3 * off[k]:.0f} mm" for k in worst[:_NAMED]]
+    more = f" and {len(worst) - _NAMED} more" if len(worst) > _NAMED else ""
+    return (
+        "the masses of the links are left out: a robot file spreads them evenly from joint to "
+        f"joint, and centres of mass in the URDF differ from that ({', '.join(told)}{more}); "
+        f"a diagnosis fits the first moments of the links instead ({GravitySag.cause})"
+    )
+
+
+def _off_middle(chain: Chain, carried: Sequence[Mass], places: Sequence[Array]) -> Array:
+    """Distance of each centre of mass from that of an even spread, (m,) [m]; 0 without a mass.
+
+    Only the horizontal distance of links that cannot tilt.
+    """
+    ends = np.array(places)
+    off = np.array([mass.centre for mass in carried]) - (ends[:-1] + ends[1:]) / 2
+    off[[mass.kg == 0 for mass in carried]] = 0.0
+    frames = chain.frames(np.zeros(len(carried)))
+    axes = [f.rotation @ j.axis for f, j in zip(frames, chain.turning, strict=False)]
+    tilts = np.cumsum([np.hypot(*axis[:2]) > _UPRIGHT for axis in axes]) > 0
+    off[~tilts, 2] = 0.0
+    return np.asarray(np.linalg.norm(off, axis=1))
 
 
 def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:

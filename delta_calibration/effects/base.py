@@ -293,6 +293,23 @@ class Effect(ABC):
         """Properties of the shape that a verdict states in words, by name; none by default."""
         return {}
 
+    def as_told(self, name: str) -> tuple[str, str, float]:
+        """Name and unit of a searched field in a verdict, and the factor that converts to it."""
+        label, unit = self.told[name]
+        return label, self.unit_of(unit), 1.0
+
+    @property
+    def per_hour(self) -> bool:
+        """Whether its values are those of an hour, as of a ramp over time."""
+        return False
+
+    def told_unit(self, parameter: Parameter) -> str:
+        """Unit of a parameter as it is told: of a ramp per hour.
+
+        Calibration files hold the parameter's own unit, which is the same in every shape.
+        """
+        return f"{parameter.unit}/h" if self.per_hour else parameter.unit
+
     def refined(self, values: Array) -> Effect:
         """The effect in the shape that follows from these values of its parameters (k,)."""
         del values

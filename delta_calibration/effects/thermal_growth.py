@@ -28,6 +28,7 @@ from delta_calibration.effects.time_course import (
     around,
     course,
     cycles,
+    is_ramp,
     wrong_cycle,
 )
 from delta_calibration.model.symbols import Symbol, where
@@ -137,6 +138,11 @@ class ThermalGrowth(Effect):
         """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
         parameters = self.mechanism.parameters
         return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
+
+    @property
+    def per_hour(self) -> bool:
+        """Whether growth follows time as a ramp."""
+        return not self.sensor and is_ramp(self.time_constant, period=self.period)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the searched fields, if the growth follows time."""

@@ -91,6 +91,11 @@ def around(
     return ()
 
 
+def is_ramp(time_constant: float, step_at: float = -1.0, period: float = 0.0) -> bool:
+    """Whether a course is a ramp, whose values are per hour."""
+    return time_constant <= 0 and step_at < 0 and period <= 0
+
+
 def wrong_cycle(period: float, phase: float) -> str:
     """Reason why a cycle is invalid; empty if it is valid, or if there is none."""
     return f"phase: {phase} is not allowed without a period" if phase and not period else ""
@@ -126,6 +131,11 @@ class Drift(Effect):
             yield replace(self, time_constant=constant, step_at=step, period=0.0, phase=0.0)
         for period, phase in cycles(at):
             yield replace(self, time_constant=0.0, step_at=-1.0, period=period, phase=phase)
+
+    @property
+    def per_hour(self) -> bool:
+        """Whether it is a ramp."""
+        return is_ramp(self.time_constant, self.step_at, self.period)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the searched fields; none for a ramp."""

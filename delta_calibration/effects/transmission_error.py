@@ -28,7 +28,10 @@ from delta_calibration.parameters import ParameterSet
 
 @dataclass(frozen=True)
 class TransmissionError(HarmonicEffect):
-    """A harmonic of `cycles` per turn of the joint, equal for all joints, and a second one."""
+    """A harmonic of `cycles` per turn of the joint, equal for all joints, and a second one.
+
+    Of a joint that slides, `cycles` is per 2 pi m; a verdict tells cycles per metre.
+    """
 
     cause: ClassVar[str] = "transmission_error"
     remedy: ClassVar[Remedy] = Remedy(
@@ -100,6 +103,13 @@ class TransmissionError(HarmonicEffect):
         for second in _OF_A_TRAIN:
             if min(1.0, second) * self.cycles * turns >= _REPEATS:
                 yield replace(self, second=second)
+
+    def as_told(self, name: str) -> tuple[str, str, float]:
+        """Also convert the order of a sliding joint, whose own is [rad/m], to cycles per metre."""
+        label, unit, factor = super().as_told(name)
+        if self.mechanism.joint_unit == "m":
+            return label, "1/m", factor / (2 * np.pi)
+        return label, unit, factor
 
     @property
     def chosen(self) -> dict[str, str]:

@@ -32,7 +32,8 @@ PERHAPS = 0.05  # p value below which it is reported as perhaps shared
 _LEAST = 3  # least number of machines that share a cause
 _MOST = 0.8  # share of machines above which it counts as nearly all
 _WIDER = 3.0  # factor on the spread of the other causes' rates
-_ORDER = "order"  # entry of a shape: periods per turn
+_ORDER = "order"  # entry of a shape: periods per turn, or per metre of joints that slide
+_PER_METRE = "1/m"
 
 
 @dataclass(frozen=True)
@@ -155,16 +156,22 @@ def _cause_and_place(one: Mapping[str, Any]) -> str:
     return f"{_cause(one)} at {spoken(one['location'])}" if one["location"] else ""
 
 
-def _orders(each: Standing) -> frozenset[float]:
+def _orders(each: Standing) -> frozenset[str]:
     """Orders of a machine's causes, rounded to two digits so that equal parts compare equal."""
-    orders = (one.get("shape", {}).get(_ORDER) for one in each.findings)
-    return frozenset(float(f"{order:.2g}") for order in orders if order is not None)
+    orders = ((one.get("shape", {}).get(_ORDER), one) for one in each.findings)
+    return frozenset(_order(order, one) for order, one in orders if order is not None)
 
 
-def _with_order(each: Shared, orders: Mapping[str, frozenset[float]]) -> Shared:
+def _order(order: float, finding: Mapping[str, Any]) -> str:
+    """An order in words, per metre where joints slide."""
+    per = " per m" if finding.get("shape_unit", {}).get(_ORDER) == _PER_METRE else ""
+    return f"{float(f'{order:.2g}'):g}{per}"
+
+
+def _with_order(each: Shared, orders: Mapping[str, frozenset[str]]) -> Shared:
     """Add the order to the name of a cause if nearly all its machines have the same one."""
     counted = Counter(order for machine in each.machines for order in orders[machine])
     for order, count in counted.most_common(1):
         if count > _MOST * len(each.machines):
-            return replace(each, what=f"{each.what} of order {order:g}")
+            return replace(each, what=f"{each.what} of order {order}")
     return each

@@ -59,7 +59,8 @@ class Link:
         "kg",
         least=0.0,
         default=0.0,
-        about="mass of what turns with the joint, spread evenly towards the next joint",
+        about="mass of what turns with the joint, spread evenly towards the next joint; leave all "
+        "out if centres of mass lie elsewhere: a diagnosis then fits the links' first moments",
     )
 
 

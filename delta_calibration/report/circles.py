@@ -74,7 +74,7 @@ def circle_report(test: CircleTest, robot: Robot, provenance: Provenance) -> Rep
     verdict = test.verdict
     worst = max(test.circles, key=lambda m: m.deviation)
     senses = [m.hysteresis for m in test.circles if m.hysteresis is not None]
-    untold = [f"{between(e)}: {e.because}; {e.next}." for e in verdict.cannot_tell]
+    untold = [f"{between(e)}: {e.why()}." for e in verdict.cannot_tell]
     sections = (
         Section("circles", "Circles", (), (_circles(test),), tuple(_plots(test))),
         Section(

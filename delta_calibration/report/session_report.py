@@ -130,7 +130,7 @@ def verdict_section(verdict: Verdict) -> Section:
                 "cannot_tell",
                 "What this session cannot distinguish",
                 ("which", "because", "how to separate them"),
-                tuple((between(e), e.because, e.next) for e in verdict.cannot_tell),
+                tuple((between(e), e.because, e.next or NO_VALUE) for e in verdict.cannot_tell),
                 words=(0, 1, 2),
             )
         )

@@ -28,7 +28,7 @@ from delta_calibration.report.words import estimate, key_figures, statements
 from delta_calibration.wording import listed, mm, spoken, sure
 
 Array = NDArray[np.float64]
-Values = dict[str, list[tuple[int, float, float, str]]]  # number of the file, value, std, unit
+Values = dict[str, list[tuple[int, float, float]]]  # number of the file, value, std
 
 
 def drift_of_verdicts(files: Sequence[VerdictFile]) -> Report:
@@ -139,30 +139,41 @@ def _errors_figure(files: Sequence[VerdictFile]) -> Figure:
 
 
 def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
-    """Figures of the parameters of each cause that was found more than once."""
+    """Figures of the parameters of each cause that was found more than once, a panel per unit."""
     names = tuple(file.name for file in files)
-    found: dict[str, Values] = {}
+    found: dict[str, dict[str, Values]] = {}
     for number, file in enumerate(files):
         for finding in file.verdict.findings:
             of_cause = found.setdefault(finding.called(), {})
             for name, e in finding.parameters.items():
-                of_cause.setdefault(name, []).append((number, e.value, e.std or 0.0, e.unit))
+                values = of_cause.setdefault(e.unit, {})
+                values.setdefault(name, []).append((number, e.value, e.std or 0.0))
     return tuple(
         Figure(
             f"values_{'_'.join(cause.split())}",
             f"{cause} over time",
             "With 95 % intervals.",
-            (_values_panel(cause, names, of_cause),),
+            tuple(
+                _values_panel(cause, names, unit, values)
+                for unit, values in of_cause.items()
+                if _comparable(values)
+            ),
             columns=1,
         )
         for cause, of_cause in found.items()
-        if max(map(len, of_cause.values())) >= 2 and len(of_cause) <= len(SERIES)
+        if any(_comparable(values) for values in of_cause.values())
     )
 
 
-def _values_panel(cause: str, names: tuple[str, ...], values: Values) -> Panel:
-    own = next(iter(values.values()))[0][3]
-    factor, unit = UNITS.get(own, (1.0, own))
+def _comparable(values: Values) -> bool:
+    """Whether some parameter has several values, and there are not too many for one panel."""
+    return max(map(len, values.values())) >= 2 and len(values) <= len(SERIES)
+
+
+def _values_panel(cause: str, names: tuple[str, ...], own: str, values: Values) -> Panel:
+    of, slash, per = own.partition("/")
+    factor, shown = UNITS.get(of, (1.0, of))
+    unit = f"{shown}{slash}{per}"
     marks = []
     for (name, rows), colour, symbol in zip(
         values.items(), SERIES, (*SYMBOLS, *SYMBOLS), strict=False

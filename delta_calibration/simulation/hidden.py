@@ -145,7 +145,8 @@ def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Sett
 def _values(effect: Effect, options: Options, rng: np.random.Generator) -> Array:
     """Draw the values of the effect's parameters, (k,)."""
     parameters = effect.parameters
-    size = sizes(effect.cause, options, parameters.prior, 1.0, parameters.units[0])
+    unit = effect.told_unit(parameters.items[0])
+    size = sizes(effect.cause, options, parameters.prior, 1.0, unit)
     # All is drawn, needed or not, so that a location or a value does not change the rest.
     share, sign = rng.uniform(*_SHARE, len(size)), rng.choice([-1.0, 1.0], len(size))
     _, vector = np.unique([_vector(p) for p in parameters], return_inverse=True)
@@ -190,7 +191,8 @@ def _signed(effect: Effect, parameter: Parameter) -> bool:
 def _require_possible(effect: Effect, values: Array) -> None:
     for p, value in zip(effect.parameters, values.tolist(), strict=True):
         if not p.lower <= value <= p.upper:
-            unit = "" if p.unit == "1" else f" {p.unit}"
+            told = effect.told_unit(p)
+            unit = "" if told == "1" else f" {told}"
             raise InputError(
                 f"effect {effect.cause}: {p.name} = {value:g}{unit} is not possible; "
                 f"allowed: {p.lower:g} to {p.upper:g}"
