@@ -425,7 +425,8 @@ def test_a_sector_is_predicted_by_the_others_alone(evidence) -> None:
     out = part == 2
     others = np.repeat(~out, 3)
     flat = evidence.nuisance.reshape(evidence.size, -1)
-    rows = np.concatenate([flat[others], np.diag(np.sqrt(evidence.precision))])
+    prior = np.sqrt(max(1.0, evidence.misfit) * evidence.precision)
+    rows = np.concatenate([flat[others], np.diag(prior)])
     y = np.append(evidence.column[others, 0], np.zeros(len(evidence.precision)))
     z = np.linalg.lstsq(rows, y, rcond=None)[0]
     missed = evidence.residual[out] - evidence.nuisance[out] @ z

@@ -41,6 +41,7 @@ _AS_FILED = 1.0, 1.0  # scales of the tracker's noise
 # and decrease of -2 ln of the likelihood from which the filed noise is refuted (p = 0.001)
 _SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 100.0, 10.8
 _FACTORS = 0.1, 100.0  # of the filed noise of tracker and joints, where few visits tell only one
+_NORMAL_95 = 1.96  # standard deviations of a normal distribution about 95 % of it
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
@@ -109,11 +110,13 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     if few:
         visits = _visits(poses.point, place, _plain_course(poses, place, slope))
     degrees = visits.degrees
+    stated = replace(filed, floor=float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean())))
     if 3 * degrees < _ENOUGH:
-        floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
-        return replace(filed, floor=floor)
+        return stated
     if few and (radial, transverse) == _AS_FILED:
-        return _in_proportion(filed, visits, covariance)
+        found = _in_proportion(filed, visits, covariance)
+        less = _hardly_less(found.transverse_scale, transverse, found.freedom)
+        return stated if less else found
     reading = filed.reading(poses.point, robot.tracker) / poses.count[:, None, None]
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
@@ -124,8 +127,25 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
                 lambda k: _likeliest(free, k**2 * reading, moving, bounds).unlikeliness
             )
             reading = radial**2 * reading
-    found = _likeliest(visits, reading, moving, bounds)
-    return Noise(radial, transverse, found.sigma, visits.floor, degrees, True, found.freedom)
+    best = _likeliest(visits, reading, moving, bounds)
+    found = Noise(radial, transverse, best.sigma, visits.floor, degrees, True, best.freedom)
+    less = few and _hardly_less(best.sigma, filed.repeatability, best.freedom)
+    return stated if less else found
+
+
+def _hardly_less(found: float, stated: float, freedom: float) -> bool:
+    """Whether an estimate is less than what the robot file states, but does not refute it.
+
+    An estimate of few visits that is lower by chance would show errors that do not exist.
+
+    Args:
+        found: standard deviation from few visits.
+        stated: that of the robot file.
+        freedom: degrees of freedom of the estimate.
+    """
+    if stated <= 0.0:
+        return False
+    return bool(-_NORMAL_95 / np.sqrt(2 * freedom) < np.log(found / stated) < 0.0)
 
 
 def _in_proportion(filed: Noise, visits: _Visits, covariance: Array) -> Noise:
@@ -403,12 +423,15 @@ def turn_noise(
     white = whitening(resting + stated**2 * reading)
     repeat, gross = _without(poses.repeat, white, lambda each: _visits(turned, each))
     visits = _visits(turned, repeat)
-    if 3 * visits.degrees < _ENOUGH:
+    few = 3 * visits.degrees < _ENOUGH
+    if few:
         place = _alone(poses.place, gross)
         visits = _visits(turned, place, _plain_course(poses, place, slope))
     if 3 * visits.degrees < _ENOUGH:
         return stated
-    return _likeliest(visits, resting, reading, (_LEAST, _MOST)).sigma
+    found = _likeliest(visits, resting, reading, (_LEAST, _MOST))
+    less = few and _hardly_less(found.sigma, stated, found.freedom)
+    return stated if less else found.sigma
 
 
 @dataclass(frozen=True)
