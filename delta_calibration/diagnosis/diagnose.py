@@ -100,8 +100,8 @@ def _scattered(cell: Cell) -> str:
     """How much the noise of repeats exceeds that of the robot file, in words; empty if little.
 
     The scatter of tracker or joints may be wrong in the file. Or errors that neither time nor load
-    nor side of approach tell apart are taken for noise. Joints are spoken of if their scatter is so
-    large even at the lower end of its interval.
+    nor side of approach tell apart are taken for noise. Joints are spoken of if their scatter is
+    so large even at the lower end of its interval.
     """
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
