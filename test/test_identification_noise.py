@@ -278,11 +278,11 @@ def arm_visits(scale: float, seed: int, gap: float = 0.0):
 @pytest.mark.parametrize("gap", [0.0, 0.3e-3])
 def test_a_few_visits_of_an_arm_tell_how_noisy_it_is(scale: float, gap: float):
     """25 visits cannot determine how six joints change with six sides; they tell one factor."""
-    told = []
+    told, measured = [], []
     for seed in range(10):
         poses, slope, robot, sigma = arm_visits(scale, seed, gap)
         noise = estimate_noise(poses, slope, robot)
-        assert noise.measured or scale == 1.0  # a little less does not refute the robot file
+        measured.append(noise.measured)  # a little less does not refute the robot file
         assert noise.transverse_scale == pytest.approx(
             noise.repeatability / robot.joints.repeatability
         )
@@ -292,3 +292,4 @@ def test_a_few_visits_of_an_arm_tell_how_noisy_it_is(scale: float, gap: float):
     )
     # 21 degrees of freedom of three coordinates each, ten times; the arm's own slope differs
     assert np.mean(told) == pytest.approx(expected, rel=0.1)
+    assert all(measured) if scale > 1.0 else 1 < sum(measured) < 10

@@ -147,6 +147,10 @@ def test_repeats_that_scatter_more_than_the_file_states_are_told() -> None:
     loud = replace(cell.noise, measured=True, repeatability=4.2 * filed)
     told = replace(plain, model=replace(plain.model, cell=replace(cell, noise=loud)))
     assert any("scatter 4 times as much as the robot file" in text for text in told.doubts)
+    for repeatability, freedom in ((3.0, 10.0), (1e-2, 1e-3)):  # by chance, or hardly determined
+        unsure = replace(loud, repeatability=repeatability * filed, freedom=freedom)
+        told = replace(plain, model=replace(plain.model, cell=replace(cell, noise=unsure)))
+        assert not any("scatter" in text for text in told.doubts)
     robot = replace(ROBOT, joints=replace(ROBOT.joints, repeatability=0.0))  # allowed
     silent = replace(plain.model, cell=replace(cell, noise=loud, robot=robot))
     assert not any("scatter" in text for text in replace(plain, model=silent).doubts)

@@ -151,9 +151,12 @@ def _seldom(command: JointStream) -> list[str]:
 def _led_up_to(command: JointStream, read: NDArray[np.int64]) -> bool:
     """Whether one command leads up to each reading, as where a table states the directions.
 
-    Between a reading and the one before there is then a single further command, short of the stop.
+    There is then a command at each reading, and between it and the reading before a single further
+    one, short of the stop.
     """
     stamps, commands = np.unique(read), np.setdiff1d(command.stamp_ns, read)
+    if not np.isin(stamps, command.stamp_ns).all():
+        return False
     between = np.diff(np.searchsorted(commands, stamps), prepend=0)
     return len(stamps) > 0 and bool((between > 0).all() and np.median(between) == 1)
 

@@ -67,7 +67,9 @@ TEMPER = 3.0  # ln p of laws is divided by this: calibrates their stated probabi
 LAW_SURE = 0.6  # probability from which a law is reported
 LAW_ALIKE = 0.98  # share of a signal that another law also follows, above which both are one class
 LAW_BESIDE = 0.1  # largest ln B of a map beside a law, as a share of the law's ln B
-MODELLED = 0.03  # share by which a law's ln B must exceed that of the strongest cause to doubt it
+# share by which a law's ln B must exceed that of the strongest cause to doubt it, if that is named
+# alone or acts on the same stage
+MODELLED = 0.03
 LAW_SHOWS = 10.0  # ln B below which the search for a law ends
 QUIETER = 0.8  # share of the previous noise from which a lower noise is worth another search
 ANOTHER = 55.0  # least lambda of one more cause beside those found

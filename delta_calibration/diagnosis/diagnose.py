@@ -106,12 +106,15 @@ def _scattered(cell: Cell) -> str:
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
         return ""
-    filed = robot.joints.repeatability
-    least = noise.repeatability * _least_share(noise.freedom)
-    joints = least / filed if filed > 0 else 0.0  # 0: nothing was stated
+    filed, share = robot.joints.repeatability, _least_share(noise.freedom)
+    joints = share * noise.repeatability / filed if filed > 0 else 0.0  # 0: nothing was stated
     tracker = max(noise.radial_scale, noise.transverse_scale)
-    ratio, part = max((joints, "joints"), (tracker, "tracker"))
-    entry = "repeatability" if part == "joints" else "noise"
+    if noise.in_proportion:
+        ratio, entry, part = share * tracker, "noise", "tracker and the joints"
+    elif joints > tracker:
+        ratio, entry, part = joints, "repeatability", "joints"
+    else:
+        ratio, entry, part = tracker, "noise", "tracker"
     return _SCATTERED.format(ratio, entry, part) if ratio > SCATTERS else ""
 
 
@@ -121,7 +124,7 @@ def _least_share(freedom: float) -> float:
 
     if not np.isfinite(freedom):
         return 1.0
-    return float(np.sqrt(freedom / chi2.ppf(1 - SURE_QUANTILE, freedom)))
+    return min(1.0, float(np.sqrt(freedom / chi2.ppf(1 - SURE_QUANTILE, freedom))))
 
 
 def diagnose(

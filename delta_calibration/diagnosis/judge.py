@@ -157,13 +157,14 @@ def judged(
         unknown_structure=unknown,
         cannot_tell=unseen(found.model.evidence, terms, effects, findings, unknown),
     )
+    found = replace(found, fits=None)  # they are as large as the session
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
 
 
 def _in_less_noise(
     start: Fitted, sought: SearchResult, effects: Sequence[Effect], rng: np.random.Generator
 ) -> tuple[Fitted, SearchResult]:
-    """The start and the result of the last search, repeated as long as its causes lower the noise.
+    """The start and the result of the last search, repeated while its causes clearly lower noise.
 
     What a cause of millimetres does to repeated poses counts as noise at first, and the cause is
     then found only in part.

@@ -130,9 +130,9 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     """Probability that a single law, and not the named causes, produced the readings.
 
     Several causes together can imitate one law of another form; the law then explains as much at
-    a lower price. A law that explains only slightly more than a cause that is named alone raises
-    no doubt: effects of the catalogue are models, and machines differ from them by a few per cent.
-    A law in the form of one of several causes does not explain what the others do as well.
+    a lower price. A law that explains only slightly more than a single cause raises no doubt if
+    that is named alone, or if both act on the same stage: effects of the catalogue are models, and
+    machines differ from them by a few per cent, which another cause may seem to explain.
 
     Args:
         evidence: the residuals without the causes.
@@ -144,8 +144,11 @@ def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())
     guesses = _finer(Screen(evidence, signals), laws)
-    imperfect = MODELLED if len(named) == 1 else 0.0
-    least = (1 + imperfect) * worth(evidence, named)
+    alone = [worth(evidence, [term]) for term in named]
+    strongest = named[int(np.argmax(alone))].effect
+    least = worth(evidence, named)
+    if len(named) == 1 or (strongest and strongest.stage is guesses[0].parts[0].stage):
+        least = max(least, (1 + MODELLED) * max(alone))
     return float(expit((guesses[0].log_p - least) / TEMPER))
 
 

@@ -56,7 +56,7 @@ class SearchResult:
     first: Scan  # of the session before any term was found
     last: Scan  # of the residuals beside the terms
     short: tuple[Score, ...]  # of each explanation short-listed, in the best shape last found
-    fits: _Fits | None = None  # that were compared, and the start of them all
+    fits: _Fits | None = None  # that were compared; None if the search began with terms
 
     @property
     def mapped(self) -> bool:
@@ -150,7 +150,7 @@ class _Fits:
 
 @dataclass
 class _Next:
-    """The best explanation beside sets of terms; each set is scanned once."""
+    """The best explanation beside sets of terms; each set is scanned once, in its first shapes."""
 
     effects: Sequence[Effect]
     rng: np.random.Generator
@@ -204,8 +204,9 @@ def find(
         fits, first = _likelier_start(starts, scans)
     else:
         fits, first = earlier.fits, earlier.first.without(gone)
-        scans = [first]
-    bare = model = fits.bare
+        fits.best, scans = (None, np.inf), [first]
+    begun, bare = bool(begin), fits.bare
+    model = bare
     here, swaps, next_to = first, SWAPS, _Next(effects, rng, gone)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
@@ -230,7 +231,8 @@ def find(
                 short.update(_other_shapes(model, effects, rng, tuple(short.values()), gone))
             swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
-                return SearchResult(model, first, here, tuple(short.values()), fits)
+                known = None if begun else fits
+                return SearchResult(model, first, here, tuple(short.values()), known)
             model, swaps = swapped, swaps - 1
         model = _refined(fits, model, tuple(short.values()))
         here = next_to.scanned(model)
@@ -393,7 +395,7 @@ def _likeliest(
     tried: Sequence[Score],
     *known: Fitted,
 ) -> Fitted:
-    """The likeliest of some fits, with their costs or without."""
+    """The likeliest of some fits with their costs and of known ones, whose costs are computed."""
 
     def price_of_choice(fit: Fitted) -> float:
         return sum(float(np.log(as_score(m, tried).tries * m.choices)) for m in fit.terms)

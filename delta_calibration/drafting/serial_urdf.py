@@ -497,10 +497,13 @@ def _uneven(chain: Chain, carried: Sequence[Mass], places: Sequence[Array]) -> s
     worst = [k for k in np.argsort(-kg * off).tolist() if kg[k] * off[k] > 0]
     told = [f"{chain.turning[k].child} by {1e3 * off[k]:.0f} mm" for k in worst[:_NAMED]]
     more = f" and {len(worst) - _NAMED} more" if len(worst) > _NAMED else ""
+    instead = "a diagnosis then looks for no effect that needs masses"
+    if _tilting(chain).any():
+        instead += f", but fits the first moments of the links ({GravitySag.cause})"
     return (
         "the masses of the links are left out: a robot file spreads them evenly from joint to "
         f"joint, and centres of mass in the URDF differ from that ({', '.join(told)}{more}); "
-        f"a diagnosis fits the first moments of the links instead ({GravitySag.cause})"
+        f"{instead}"
     )
 
 
@@ -512,11 +515,15 @@ def _off_middle(chain: Chain, carried: Sequence[Mass], places: Sequence[Array]) 
     ends = np.array(places)
     off = np.array([mass.centre for mass in carried]) - (ends[:-1] + ends[1:]) / 2
     off[[mass.kg == 0 for mass in carried]] = 0.0
-    frames = chain.frames(np.zeros(len(carried)))
-    axes = [f.rotation @ j.axis for f, j in zip(frames, chain.turning, strict=False)]
-    tilts = np.cumsum([np.hypot(*axis[:2]) > _UPRIGHT for axis in axes]) > 0
-    off[~tilts, 2] = 0.0
+    off[~_tilting(chain), 2] = 0.0
     return np.asarray(np.linalg.norm(off, axis=1))
+
+
+def _tilting(chain: Chain) -> NDArray[np.bool_]:
+    """Whether each link can tilt: a joint before it, or its own, has no upright axis, (m,)."""
+    frames = chain.frames(np.zeros(len(chain.turning)))
+    axes = [f.rotation @ j.axis for f, j in zip(frames, chain.turning, strict=False)]
+    return np.cumsum([np.hypot(*axis[:2]) > _UPRIGHT for axis in axes]) > 0
 
 
 def _require_same(chain: Chain, document: dict[str, Any], path: Path) -> None:

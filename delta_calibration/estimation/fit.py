@@ -188,7 +188,7 @@ def identify(
     rng = np.random.default_rng([seed, 1])
     fit = method.fit(problem, rng, watch, near)
     if not prior and isinstance(method, LeastSquares):
-        fit = _freed(fit, method, rng, watch)
+        fit = _freed(fit)
     full = fit.solution
     folds, counted = parts_of(poses, seed), full.weight > 0
     known = _known(full)
@@ -244,7 +244,7 @@ def identify(
     )
 
 
-def _freed(fit: Fit, method: Method, rng: np.random.Generator, watch: Watch) -> Fit:
+def _freed(fit: Fit) -> Fit:
     """The fit again, with the prior of dimensions far off their drawing as wide as that.
 
     A tolerance that a dimension exceeds so far does not hold for it, and would pull it back by
@@ -253,12 +253,13 @@ def _freed(fit: Fit, method: Method, rng: np.random.Generator, watch: Watch) -> 
     problem, theta = fit.solution.problem, fit.solution.theta
     geometry, basis = problem.layout.geometry, problem.basis.copy()
     off = np.abs(theta - problem.theta0)[geometry] / np.diag(basis)[geometry]
-    if not (off >= _BEYOND).any():
+    far = (off >= _BEYOND) & problem.has_prior[geometry].astype(bool)
+    if not far.any():
         return fit
-    basis[:, geometry] *= np.where(off >= _BEYOND, off, 1.0)
+    basis[:, geometry] *= np.where(far, off, 1.0)
     wider = replace(problem, basis=basis)
-    again = method.fit(wider, rng, watch, Near(wider.unknowns(theta)))
-    return Fit(again.solution, fit.evaluations + again.evaluations)
+    again = solve(wider, Near(wider.unknowns(theta)))
+    return Fit(again, fit.evaluations + again.evaluations)
 
 
 def told_by(
@@ -475,7 +476,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     typical = _typical(placed, False)
     if typical > most:
         typical = _typical(placed, True)
-    if typical > most and not _fits_in_parts(placed, poses.time, most):
+    if typical > most and not _fits_in_parts(placed, poses, most):
         raise DataError(
             f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
             f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
@@ -489,9 +490,14 @@ def _typical(problem: Problem, robust: bool) -> float:
     return _RMS_OF_MEDIAN * float(np.median(distances(solve(problem, robust=robust))))
 
 
-def _fits_in_parts(placed: Problem, time: Array, most: float) -> bool:
-    """Whether all parts of a session but one leave at most so much, each in its own frame [m]."""
-    count = min(_PARTS, len(time) // _FEWEST)
-    parts = np.array_split(np.argsort(time, kind="stable"), count) if count > 2 else []
+def _fits_in_parts(placed: Problem, poses: Poses, most: float) -> bool:
+    """Whether all parts of a session but one leave at most so much, each in its own frame [m].
+
+    Each of at least three parts needs as many different places as a fit; a frame follows fewer.
+    """
+    count = min(_PARTS, len(poses) // _FEWEST)
+    parts = np.array_split(np.argsort(poses.time, kind="stable"), max(count, 1))
+    if count < 3 or min(len(np.unique(poses.place[rows])) for rows in parts) < _FEWEST:
+        return False
     left = sorted(_typical(placed.take(np.sort(rows)), True) for rows in parts)
-    return bool(left) and left[-2] <= most
+    return left[-2] <= most

@@ -56,6 +56,7 @@ class Noise:
     degrees: int  # of freedom in `floor`; 0 if it is computed, not measured
     measured: bool  # whether there were enough repeats to measure it
     freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
+    in_proportion: bool = False  # one factor for tracker and joints: visits did not part the two
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
         """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
@@ -165,6 +166,7 @@ def _in_proportion(filed: Noise, visits: _Visits, covariance: Array) -> Noise:
         visits.degrees,
         True,
         found.freedom,
+        in_proportion=True,
     )
 
 
@@ -426,6 +428,7 @@ def turn_noise(
     few = 3 * visits.degrees < _ENOUGH
     if few:
         place = _alone(poses.place, gross)
+        place, _ = _without(place, white, lambda each: _visits(turned, each), _FAR)
         visits = _visits(turned, place, _plain_course(poses, place, slope))
     if 3 * visits.degrees < _ENOUGH:
         return stated

@@ -25,7 +25,7 @@ def doubts(found: Identification) -> tuple[str, ...]:
 def off_the_drawing(found: Identification) -> str:
     """Warning to check the robot file if a dimension is ten tolerances off; else empty.
 
-    Its prior was made as wide as that, so that it is not pulled to its nominal value.
+    In a fit by least squares to the drawing its prior was made as wide as that.
     """
     geometry = found.chain.layout.geometry
     items = found.parameters.items[geometry]

@@ -104,10 +104,14 @@ class _Count:
         """Convert numbers of the table to the robot's joints, in the unit of the numbers."""
         return self.sign * (number - self.zero)
 
-    def mapped(self) -> dict[str, float]:
-        """Keys `scale` and `offset` of a mapping's joints."""
+    def mapped(self, factor: float = 1.0) -> dict[str, float]:
+        """Keys `scale` and `offset` of a mapping's joints.
+
+        Args:
+            factor: of the numbers' unit to that of the column.
+        """
         scale = {"scale": -1} if self.sign < 0 else {}
-        return scale | ({"offset": -self.sign * self.zero} if self.zero else {})
+        return scale | ({"offset": -self.sign * self.zero * factor} if self.zero else {})
 
     def said(self, unit: str) -> str:
         """Describe direction and zero for the user."""
@@ -356,7 +360,9 @@ def _by_mixed_units(
     coordinate in m that is read in mm is almost constant, which nearly matches.
     """
     share, joints, place, joint_unit, _ = tried[0]
-    known = _Found(list(joints), list(place), joint_unit) if share <= _LIES else found
+    known = found
+    if share <= _LIES:
+        known = _Found(joints=list(joints), place=list(place), joint_unit=joint_unit)
     mixed = [units for units in product(_POINT_UNITS, repeat=3) if len(set(units)) > 1]
     points = list(dict.fromkeys(one[2] for one in tried)) if share > _LIES else [place]
     readings = sorted(_readings(table, robot, known, points, mixed), key=_by_share)
@@ -529,13 +535,15 @@ def _mapping(table: FoundTable, robot: Robot, found: _Found) -> dict[str, Any]:
         mapping["table"] = form
     if table.join:
         mapping["join"] = dict(table.join)
-    counted = found.count.mapped() if found.count else {}
+    known = ANGLES if robot.joints.unit == "rad" else LENGTHS
     _find_encoders(table, robot, found)
     for key, columns, unit in (
         ("commands", found.joints, found.joint_unit),
         ("encoders", found.encoders, found.encoder_unit),
     ):
         if columns:
+            factor = known[found.joint_unit] / known[unit]
+            counted = found.count.mapped(factor) if found.count else {}
             mapping[key] = [
                 {"joint": joint, "column": column, "unit": unit, **counted}
                 for joint, column in zip(robot.joints.names, columns, strict=True)
