@@ -60,8 +60,18 @@ def reader_unit(unit: str, size: float) -> tuple[float, str]:
         unit: SI unit of the values.
         size: typical size of the values.
     """
+    return unit_in(_SMALL if abs(size) < _SMALL_FROM else _COMMON, unit)
+
+
+def unit_in(units: Mapping[str, tuple[float, str]], unit: str) -> tuple[float, str]:
+    """Factor and name of a unit by a table of units; what stands after a slash is kept.
+
+    Args:
+        units: factor and name by SI unit.
+        unit: SI unit, such as `rad/h`.
+    """
     of, slash, per = unit.partition("/")
-    factor, shown = (_SMALL if abs(size) < _SMALL_FROM else _COMMON).get(of, (1.0, of))
+    factor, shown = units.get(of, (1.0, of))
     return factor, f"{shown}{slash}{per}"
 
 

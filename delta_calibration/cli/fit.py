@@ -141,7 +141,7 @@ def command(
     click.echo(describe_poses(poses, int(np.sum(found.weight == 0))))
     if expected is not None:
         click.echo(describe_carried(expected, session.resolve().name))
-    click.echo(describe(found, verbose, poses))
+    click.echo(describe(found, verbose))
     if out is not None:
         save_calibration(out, found, robot, poses)
         click.echo(f"written: {out}")
@@ -156,9 +156,10 @@ def describe_poses(poses: Poses, weightless: int = 0) -> str:
     """
     places = len(np.unique(poses.place))
     without = f"; without weight in the robust fit: {_poses(weightless)}" if weightless else ""
+    aside = set_aside(poses.rejected.counts()) or "none"
     lines = [
         f"{Path(poses.source).name}: {poses.readings} readings in {duration(poses.duration)}, "
-        f"{len(poses)} poses at rest in {places} places; {_aside(poses)}{without}",
+        f"{len(poses)} poses at rest in {places} places; set aside: {aside}{without}",
         *(f"note: {note}" for note in poses.notes),
     ]
     return "\n".join(lines)
@@ -168,19 +169,14 @@ def _poses(count: int) -> str:
     return "1 pose" if count == 1 else f"{count} poses"
 
 
-def _aside(poses: Poses) -> str:
-    """Readings that were set aside before any fit, in words."""
-    return f"set aside: {set_aside(poses.rejected.counts()) or 'none'}"
-
-
 def describe_carried(expected: Prospect, session: str) -> str:
     """Text on the prior knowledge that the fit takes from the history."""
     warning = [f"warning: {expected.doubt}"] if expected.doubt else []
     return plain("\n".join([*expected.sentences(session), *warning]))
 
 
-def describe(found: Identification, verbose: bool, poses: Poses | None = None) -> str:
-    """Text of the fit's result for the user; with the poses also what was set aside before it."""
+def describe(found: Identification, verbose: bool) -> str:
+    """Text of the fit's result for the user."""
     noise, seen = found.noise, found.observability
     origin = (
         f"from repeats, {noise.degrees} degrees of freedom"
@@ -200,7 +196,7 @@ def describe(found: Identification, verbose: bool, poses: Poses | None = None) -
         _residuals(found),
         "",
         f"error left: {found.full.held_out / noise.floor:.2f} times the noise of a pose; "
-        f"chi square per degree of freedom {found.chi_square:.2f}" + _weights(found, poses),
+        f"chi square per degree of freedom {found.chi_square:.2f}" + _weights(found),
         *(f"warning: {text}" for text in doubts(found)),
         *_deviations(found),
         *_unset(found, verbose),
@@ -209,14 +205,13 @@ def describe(found: Identification, verbose: bool, poses: Poses | None = None) -
     return "\n".join(lines)
 
 
-def _weights(found: Identification, poses: Poses | None) -> str:
+def _weights(found: Identification) -> str:
     """How many poses the robust fit gave less weight, and no weight; empty if none."""
     down, gone = int(np.sum(found.weight < 1)), int(np.sum(found.weight == 0))
     if not down:
         return ""
     none = f", {gone} of them none" if gone else ""
-    aside = f"; readings {_aside(poses)}" if poses is not None else ""
-    return f"; {_poses(down)} given less weight by the robust fit{none}{aside}"
+    return f"; {_poses(down)} given less weight by the robust fit{none}"
 
 
 def _turned(found: Identification) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from delta_calibration.cli.options import table
 from delta_calibration.documents import load_schema, read_document
 from delta_calibration.simulation import TrueMachine
-from delta_calibration.wording import NO_VALUE, figures, spoken
+from delta_calibration.wording import NO_VALUE, figures, spoken, unit_in
 
 _SURE = 1.96  # standard errors either side of a 95 % interval
 _SHOWN = {"m": (1e6, "µm"), "rad": (1e6, "µrad")}
@@ -39,9 +39,7 @@ def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
 
 
 def _row(name: str, own: str, true: float, found: tuple[float, float] | None) -> tuple[str, ...]:
-    of, slash, per = own.partition("/")
-    factor, shown = _SHOWN.get(of, (1.0, of))
-    unit = f"{shown}{slash}{per}"
+    factor, unit = unit_in(_SHOWN, own)
     if found is None:
         return name, unit, figures(factor * true, 4), NO_VALUE, NO_VALUE
     value, half = factor * found[0], factor * _SURE * found[1]

@@ -16,7 +16,7 @@ import numpy as np
 from delta_calibration.calibration import Calibration
 from delta_calibration.data import Survey, require_poses
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.constants import SCATTERS, SURE_QUANTILE
+from delta_calibration.diagnosis.constants import SCATTERS
 from delta_calibration.diagnosis.cross_validation import HeldOut, held_out
 from delta_calibration.diagnosis.extension import extended
 from delta_calibration.diagnosis.findings import HeldOutModels
@@ -38,6 +38,7 @@ from delta_calibration.estimation import (
     carried_by,
     chain_of,
     doubts,
+    interval_of,
     never_turned,
     prepare,
     require_this_robot,
@@ -106,7 +107,7 @@ def _scattered(cell: Cell) -> str:
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
         return ""
-    filed, share = robot.joints.repeatability, _least_share(noise.freedom)
+    filed, share = robot.joints.repeatability, interval_of(noise.freedom)[0]
     joints = share * noise.repeatability / filed if filed > 0 else 0.0  # 0: nothing was stated
     tracker = max(noise.radial_scale, noise.transverse_scale)
     if noise.in_proportion:
@@ -116,15 +117,6 @@ def _scattered(cell: Cell) -> str:
     else:
         ratio, entry, part = tracker, "noise", "tracker"
     return _SCATTERED.format(ratio, entry, part) if ratio > SCATTERS else ""
-
-
-def _least_share(freedom: float) -> float:
-    """Lower end of the 95 % interval of a standard deviation, as a share of its estimate."""
-    from scipy.stats import chi2  # slow to load
-
-    if not np.isfinite(freedom):
-        return 1.0
-    return min(1.0, float(np.sqrt(freedom / chi2.ppf(1 - SURE_QUANTILE, freedom))))
 
 
 def diagnose(

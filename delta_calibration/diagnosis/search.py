@@ -8,7 +8,7 @@ can show what another hides: a pair at the start, a cause in the place of anothe
 from __future__ import annotations
 
 from collections.abc import Hashable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from threading import Lock
 
@@ -197,16 +197,17 @@ def find(
         gone: explanations that have been rejected; nothing of the same cause is tried.
         earlier: result of a search from the same model, whose first scan and fits are used again.
     """
-    if earlier is None or earlier.fits is None:
-        samples = model.beside.degrees
-        starts = [_Fits(start, samples) for start in ((model,) if begin else _starts(model, rng))]
-        scans = [scanned(start.bare, effects, rng).without(gone) for start in starts]
-        fits, first = _likelier_start(starts, scans)
+    known = None if earlier is None else earlier.fits
+    if earlier is None or known is None:
+        starts = (model,) if begin else _starts(model, rng)
+        every = [_Fits(start, model.beside.degrees) for start in starts]
+        scans = [scanned(start.bare, effects, rng).without(gone) for start in every]
+        fits, first = _likelier_start(every, scans)
     else:
-        fits, first = earlier.fits, earlier.first.without(gone)
-        fits.best, scans = (None, np.inf), [first]
-    begun, bare = bool(begin), fits.bare
-    model = bare
+        fits, first = replace(known, best=(None, np.inf)), earlier.first.without(gone)
+        scans = [first]
+    again = None if begin else fits  # for a search from the same start
+    bare = model = fits.bare
     here, swaps, next_to = first, SWAPS, _Next(effects, rng, gone)
     short: dict[str, Score] = {}
     seen: dict[tuple[str, ...], tuple[Fitted, Scan]] = {(): (bare, first)}
@@ -231,8 +232,7 @@ def find(
                 short.update(_other_shapes(model, effects, rng, tuple(short.values()), gone))
             swapped = _swapped(fits, model, here, tuple(short.values())) if swaps else model
             if swapped is model:
-                known = None if begun else fits
-                return SearchResult(model, first, here, tuple(short.values()), known)
+                return SearchResult(model, first, here, tuple(short.values()), again)
             model, swaps = swapped, swaps - 1
         model = _refined(fits, model, tuple(short.values()))
         here = next_to.scanned(model)

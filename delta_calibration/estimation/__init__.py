@@ -33,7 +33,7 @@ from delta_calibration.estimation.measurements import (
 )
 from delta_calibration.estimation.method import Fit, LeastSquares, Method
 from delta_calibration.estimation.mixed_measurements import MixedFit, fit_observations
-from delta_calibration.estimation.noise import Noise, whitening
+from delta_calibration.estimation.noise import Noise, interval_of, whitening
 from delta_calibration.estimation.observability import (
     Observability,
     Redundancy,
@@ -111,6 +111,7 @@ __all__ = [
     "doubts",
     "fit_observations",
     "identify",
+    "interval_of",
     "likelihood_of",
     "most_evaluations",
     "never_turned",

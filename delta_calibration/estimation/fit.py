@@ -245,7 +245,7 @@ def identify(
 
 
 def _freed(fit: Fit) -> Fit:
-    """The fit again, with the prior of dimensions far off their drawing as wide as that.
+    """The fit repeated with wider priors of those dimensions that are far off their drawing.
 
     A tolerance that a dimension exceeds so far does not hold for it, and would pull it back by
     more than its interval.

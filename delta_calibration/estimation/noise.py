@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtri
 
 from delta_calibration.data import Poses
 from delta_calibration.estimation.positive import solved
@@ -41,7 +42,6 @@ _AS_FILED = 1.0, 1.0  # scales of the tracker's noise
 # and decrease of -2 ln of the likelihood from which the filed noise is refuted (p = 0.001)
 _SLIGHTLY, _LOUDEST, _REFUTED = 1.2, 100.0, 10.8
 _FACTORS = 0.1, 100.0  # of the filed noise of tracker and joints, where few visits tell only one
-_NORMAL_95 = 1.96  # standard deviations of a normal distribution about 95 % of it
 _LEAST, _MOST = 1e-7, 1e-3  # [rad of a Delta] between which the repeatability is searched
 
 
@@ -144,9 +144,17 @@ def _hardly_less(found: float, stated: float, freedom: float) -> bool:
         stated: that of the robot file.
         freedom: degrees of freedom of the estimate.
     """
-    if stated <= 0.0:
-        return False
-    return bool(-_NORMAL_95 / np.sqrt(2 * freedom) < np.log(found / stated) < 0.0)
+    return found < stated < interval_of(freedom)[1] * found
+
+
+def interval_of(freedom: float) -> tuple[float, float]:
+    """95 % interval of a standard deviation with so many degrees of freedom, over its estimate."""
+    if not np.isfinite(freedom):
+        return 1.0, 1.0
+    chi = np.array([chdtri(freedom, 0.025), chdtri(freedom, 0.975)])
+    with np.errstate(divide="ignore"):
+        low, high = np.sqrt(freedom / chi)
+    return min(1.0, float(low)), float(high)
 
 
 def _in_proportion(filed: Noise, visits: _Visits, covariance: Array) -> Noise:

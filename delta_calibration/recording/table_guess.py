@@ -421,7 +421,9 @@ def _best_count(
         fine = 1e-3 / LENGTHS[unit]
 
     def share(zero: float) -> float:
-        missed = _share(table, robot, joints, place, unit, place_units, _Count(sign, zero))
+        missed = _share(
+            robot, *_numbers(table, robot, joints, place, unit, place_units, _Count(sign, zero))
+        )
         return min(missed, _OUT_OF_REACH)
 
     grid = np.linspace(-most, most, _ZEROS + 1)
@@ -470,7 +472,7 @@ def _readings(
                 continue
             place_units = [told] if (told := tuple(found.place_units) or _told_units(p)) else units
             for ju, pu in product(joint_units, place_units):
-                yield _share(table, robot, j, p, ju, pu), j, p, ju, pu
+                yield _share(robot, *_numbers(table, robot, j, p, ju, pu)), j, p, ju, pu
 
 
 def _filled(table: FoundTable) -> list[str]:
@@ -486,16 +488,8 @@ def _runs(names: Sequence[str], count: int, but: Collection[str]) -> Iterator[tu
             yield run
 
 
-def _share(
-    table: FoundTable,
-    robot: Robot,
-    joints: Sequence[str],
-    place: Sequence[str],
-    joint_unit: str,
-    place_units: Sequence[str],
-    count: _Count = _AS_FILED,
-) -> float:
-    q, y = _numbers(table, robot, joints, place, joint_unit, place_units, count)
+def _share(robot: Robot, q: Array, y: Array) -> float:
+    """Share of the points that the nominal robot does not explain; infinite out of its limits."""
     inside = (q >= robot.joints.lower) & (q <= robot.joints.upper)
     if len(q) < FEWEST or inside.all(axis=1).mean() < 0.5:
         return np.inf

@@ -25,7 +25,7 @@ from delta_calibration.report.drift import UNITS
 from delta_calibration.report.glossary import glossary_section
 from delta_calibration.report.verdict_file import VerdictFile
 from delta_calibration.report.words import estimate, key_figures, statements
-from delta_calibration.wording import listed, mm, spoken, sure
+from delta_calibration.wording import listed, mm, spoken, sure, unit_in
 
 Array = NDArray[np.float64]
 Values = dict[str, list[tuple[int, float, float]]]  # number of the file, value, std
@@ -171,9 +171,7 @@ def _comparable(values: Values) -> bool:
 
 
 def _values_panel(cause: str, names: tuple[str, ...], own: str, values: Values) -> Panel:
-    of, slash, per = own.partition("/")
-    factor, shown = UNITS.get(of, (1.0, of))
-    unit = f"{shown}{slash}{per}"
+    factor, unit = unit_in(UNITS, own)
     marks = []
     for (name, rows), colour, symbol in zip(
         values.items(), SERIES, (*SYMBOLS, *SYMBOLS), strict=False
