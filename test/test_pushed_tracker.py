@@ -36,7 +36,7 @@ def pushed():
 
 
 def test_a_push_of_ten_millimetres_is_found_whole():
-    """At first its effect on repeats counts as noise; then it would be found only in part."""
+    """Within the bounds of a drift by heat it would be found only in part."""
     session, at = pushed()
     found = diagnose(survey(session, ROBOT.joints.names, ROBOT.commanded.joint_size), ROBOT)
     (cause,) = [f for f in found.verdict.findings if f.cause == "tracker_drift"]

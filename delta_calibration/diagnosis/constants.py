@@ -93,7 +93,6 @@ NEARLY = 0.8  # share of a cause's ln B from which another is fitted in its plac
 KINDRED = 0.5  # share of a cause's signal from which another is compared in its best shape
 LOOKED_AT = 3  # largest number of such alternatives
 SWAPS = 2  # largest number of rounds of swaps
-QUIETER_ROUNDS = 5  # largest number of searches in noise estimated anew
 LOST = 20.0  # ln of the likelihood below the best from which a set is fitted in one round only
 PARTS = 5  # into which data are divided for cross-validation
 COMPARED_LAWS = 40  # laws that are compared with one another

@@ -26,7 +26,6 @@ from delta_calibration.diagnosis.constants import (
     NEIGHBOURS,
     PART_OF_A_MAP,
     PLAIN,
-    QUIETER_ROUNDS,
     SOME,
 )
 from delta_calibration.diagnosis.cross_validation import HeldOut
@@ -105,7 +104,10 @@ def judged(
         step: progress callback, called with each of `STEPS` but the first as it begins.
     """
     step(STEPS[1])
-    start, sought = _in_less_noise(start, find(start, effects, rng), effects, rng)
+    sought = find(start, effects, rng)
+    quiet = start.quieter(sought.model)
+    if quiet is not start:
+        start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
     start, sought = _sought_again(start, sought, effects, rng)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
@@ -159,22 +161,6 @@ def judged(
     )
     found = replace(found, fits=None)  # they are as large as the session
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
-
-
-def _in_less_noise(
-    start: Fitted, sought: SearchResult, effects: Sequence[Effect], rng: np.random.Generator
-) -> tuple[Fitted, SearchResult]:
-    """The start and the result of the last search, repeated while its causes clearly lower noise.
-
-    What a cause of millimetres does to repeated poses counts as noise at first, and the cause is
-    then found only in part.
-    """
-    for _ in range(QUIETER_ROUNDS):
-        quiet = start.quieter(sought.model)
-        if quiet is start:
-            break
-        start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
-    return start, sought
 
 
 def _sought_again(
