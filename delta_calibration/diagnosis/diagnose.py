@@ -60,6 +60,11 @@ _SCATTERED = (
     "what changes from visit to visit counts as noise here, and smaller errors do not show; "
     "compare such visits over time, load and side of approach, or correct the file"
 )
+_RAISED = (
+    "residuals are {:.2g} times as large as the noise in the robot file allows, but follow "
+    "nothing; too few places were visited again to measure the noise, so that they count as noise "
+    "here, and smaller errors do not show; visit some places again, or correct the file"
+)
 _NEVER_TURNED = "the probe's rotation never changes, so it is filled in: only positions are used"
 
 
@@ -98,7 +103,7 @@ class Diagnosis:
 
 
 def _scattered(cell: Cell) -> str:
-    """How much the noise of repeats exceeds that of the robot file, in words; empty if little.
+    """How much the noise exceeds that of the robot file, in words; empty if repeats show little.
 
     The scatter of tracker or joints may be wrong in the file. Or errors that neither time nor load
     nor side of approach tell apart are taken for noise. Joints are spoken of if their scatter is
@@ -106,7 +111,7 @@ def _scattered(cell: Cell) -> str:
     """
     noise, robot = cell.noise, cell.robot
     if not noise.measured:
-        return ""
+        return _RAISED.format(noise.raised) if noise.raised > 1.0 else ""
     filed, share = robot.joints.repeatability, interval_of(noise.freedom)[0]
     joints = share * noise.repeatability / filed if filed > 0 else 0.0  # 0: nothing was stated
     tracker = max(noise.radial_scale, noise.transverse_scale)

@@ -131,6 +131,15 @@ class Fitted(ABC):
     def quieter(self, found: Fitted) -> Fitted:
         """The fit with less noise, if the causes found explain a part of the estimated noise."""
 
+    @property
+    def claimed(self) -> bool:
+        """Whether the robot file states the noise of poses and no visits tested it."""
+        return False
+
+    def louder(self, factor: float) -> Fitted:
+        """The fit with its noise, which is only `claimed`, times a factor."""
+        raise NotImplementedError(f"the noise of {type(self).__name__} times {factor:.3g}")
+
     def loosened(self, scatter: float) -> Fitted:
         """The same fit, with the prior of every dimension `scatter` of its tolerances wide."""
         del scatter

@@ -26,6 +26,7 @@ from delta_calibration.diagnosis.constants import (
     NEIGHBOURS,
     PART_OF_A_MAP,
     PLAIN,
+    QUIETER,
     SOME,
 )
 from delta_calibration.diagnosis.cross_validation import HeldOut
@@ -108,6 +109,7 @@ def judged(
     quiet = start.quieter(sought.model)
     if quiet is not start:
         start, sought = quiet, find(quiet, effects, rng, sought.model.terms)
+    start, sought = _in_louder_noise(start, sought, effects, rng)
     start, sought = _sought_again(start, sought, effects, rng)
     step(STEPS[2])
     found, held, said = _borne_out(sought, start, effects, rng)
@@ -161,6 +163,28 @@ def judged(
     )
     found = replace(found, fits=None)  # they are as large as the session
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
+
+
+def _in_louder_noise(
+    start: Fitted, sought: SearchResult, effects: Sequence[Effect], rng: np.random.Generator
+) -> tuple[Fitted, SearchResult]:
+    """The start and the result of a search in the noise that the residuals show, where needed.
+
+    The noise of the robot file is a claim. If no visits have tested it, and what is left is larger
+    but follows nothing, the claim is wrong, and the terms found by it may explain noise. Then all
+    residuals count as noise at first, and less of them as causes are found in it.
+    """
+    if not start.claimed or shown(_tests(sought.model, rng).p) != (LACK_OF_FIT,):
+        return start, sought
+    louder = start.louder(_tests(start, rng).ratio)
+    sought = find(louder, effects, rng)
+    for _ in range(MOST):
+        less = _tests(sought.model, rng).ratio
+        if less > QUIETER:
+            break
+        louder = louder.louder(less)
+        sought = find(louder, effects, rng, sought.model.terms)
+    return louder, sought
 
 
 def _sought_again(
@@ -380,10 +404,14 @@ def _of_what_is_fitted(
 
 def _audited(model: Fitted, rng: np.random.Generator) -> ResidualTests:
     """Residual tests of a model, without lack of fit if the residuals determine the noise."""
-    left = audit(model.beside, model.noise_degrees, rng)
+    left = _tests(model, rng)
     if model.noise_apart:
         return left
     return replace(left, p={name: p for name, p in left.p.items() if name != LACK_OF_FIT})
+
+
+def _tests(model: Fitted, rng: np.random.Generator) -> ResidualTests:
+    return audit(model.beside, model.noise_degrees, rng)
 
 
 def _drawing(start: Fitted) -> tuple[str, Callable[[HeldOutModels], HeldOut]]:

@@ -76,12 +76,12 @@ class Model(Fitted):
     @property
     def noise_degrees(self) -> float:
         """Degrees of freedom of the noise estimate; infinite if the robot file states it."""
-        return self.cell.noise_degrees
+        return self.cell.noise_degrees if self.noise_apart else self.evidence.degrees
 
     @property
     def noise_apart(self) -> bool:
-        """True: the noise is known from repeated poses or from the robot file."""
-        return True
+        """Whether the noise is known from repeated poses or as the robot file states it."""
+        return self.cell.noise.raised == 1.0
 
     @property
     def floor(self) -> float:
@@ -174,6 +174,18 @@ class Model(Fitted):
         if noise.floor > QUIETER * self.floor:
             return self
         problem = replace(self.problem, measured=problem.measured)
+        return solved(self.survey, replace(self.cell, noise=noise), problem)
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the robot file states the noise of poses and no visits tested it."""
+        return not self.cell.noise.measured
+
+    def louder(self, factor: float) -> Model:
+        """The fit with its noise, which is only `claimed`, times a factor."""
+        parts = (replace(m, given=m.whiten / factor) for m in self.problem.measured)
+        problem = replace(self.problem, measured=tuple(parts))
+        noise = self.cell.noise.louder(factor)
         return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     def loosened(self, scatter: float) -> Model:

@@ -59,6 +59,7 @@ class ResidualTests:
     excess: float  # [m] root mean square of the poses' residuals beyond the noise
     in_motion: float  # [m] root mean square of the structure along motions
     worst: Array  # (3,) [m] position in the base with the largest mean residual of neighbours
+    ratio: float = 1.0  # root mean square of the poses' residuals over that of simulated noise
 
 
 def audit(
@@ -86,9 +87,11 @@ def audit(
     whole = evidence.metres(every[rows], rows)
     around = cKDTree(place).query(place, k=min(_NEIGHBOURS, len(rows)))[1].reshape(len(rows), -1)
     alike = whole[around].mean(axis=1)
-    beyond = max(0.0, 1 - chance[0][0].mean() / float(np.sum(every[rows] ** 2)))
+    ratio = float(np.sqrt(np.sum(every[rows] ** 2) / chance[0][0].mean()))
+    beyond = max(0.0, 1 - 1 / max(ratio, 1e-9) ** 2)
     return ResidualTests(
         p=p,
+        ratio=ratio,
         excess=float(np.sqrt(beyond * np.mean(np.sum(whole**2, axis=1)))),
         in_motion=_going_along(evidence, every, asked[-1], chance[-1]),
         worst=place[int(np.argmax(np.linalg.norm(alike, axis=1)))],

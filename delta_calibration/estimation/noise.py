@@ -57,6 +57,22 @@ class Noise:
     measured: bool  # whether there were enough repeats to measure it
     freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
     in_proportion: bool = False  # one factor for tracker and joints: visits did not part the two
+    raised: float = 1.0  # factor on the filed noise by residuals, see `louder`
+
+    def louder(self, factor: float) -> Noise:
+        """The noise times a factor: residuals without order exceed noise that was never measured.
+
+        Args:
+            factor: root mean square of the residuals over that of this noise.
+        """
+        return replace(
+            self,
+            radial_scale=factor * self.radial_scale,
+            transverse_scale=factor * self.transverse_scale,
+            repeatability=factor * self.repeatability,
+            floor=factor * self.floor,
+            raised=factor * self.raised,
+        )
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
         """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
