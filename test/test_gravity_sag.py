@@ -1,4 +1,4 @@
-"""Tests of arms with compliant joints whose masses are not stated."""
+"""Tests of arms whose joints bear weight: they give way, or it closes their backlash."""
 
 from __future__ import annotations
 
@@ -118,6 +118,45 @@ def test_a_payload_that_stays_is_a_part_of_the_arms_own_weight():
         ]
     with pytest.raises(InputError, match="payload: 'heavy' is not allowed; unknown or known"):
         effect_named("gravity_sag", robot, robot.model(), {"payload": "heavy"})
+
+
+def energy(arm, q):
+    """Energy of weight [J] of uniform rods from joint to joint, by scipy's rotations alone."""
+    turn, place, ends = Rotation.identity(), np.zeros(3), []
+    for angle, link in zip(q, arm.links, strict=True):
+        place = place + turn.apply([link.length, 0.0, 0.0])
+        turn = turn * Rotation.from_rotvec([link.twist, 0.0, 0.0])
+        turn = turn * Rotation.from_rotvec([0.0, 0.0, angle + link.zero])
+        place = place + turn.apply([0.0, 0.0, link.offset])
+        ends.append(place[2])
+    ends.append((place + turn.apply(arm.tool))[2])
+    middles = (np.array(ends[1:]) + ends[:-1]) / 2
+    return 9.80665 * float(middles @ [link.mass for link in arm.links])
+
+
+def test_backlash_that_weight_closes_on_either_side_is_named():
+    """Joint 2 is off by half its gap: where weight lies, or by friction as it came there."""
+    plain, gap, friction, step = load_robot("ur10"), 3e-4, 8.0, np.eye(6)[1] * 1e-5
+    heavy = weighing(plain, (7.8, 12.9, 4.3, 2.0, 2.0, 0.4))
+    machine, plan = draw_machine(heavy, 6), make_plan("identify", plain, count=60, seed=6)
+    seen = survey(simulate_session(machine, plan, 6), plain.joints.names)
+    start, rng, none = calibrated(seen, heavy), np.random.default_rng(6), np.zeros(0, int)
+    places = rng.uniform([-3, -2.8, -1.5, -2, -2, -2], [3, -0.3, 1.5, 2, 2, 2], (200, 6))
+    joint = places[seen.poses.place] + rng.normal(0.0, 2e-6, seen.poses.joint.shape)
+    at = replace(seen.poses.conditions, joint=joint)
+    point = start.bare.predict(at, start.theta) + rng.normal(0.0, 1e-5, seen.poses.point.shape)
+    reading = joint.copy()
+    for q, came in zip(reading, at.direction[:, 1], strict=True):
+        more, less = (energy(heavy.dimensions, q + s * step) for s in (1, -1))
+        torque = (more - less) / 2e-5
+        q[1] += gap / 2 * (np.sign(torque) if abs(torque) > friction else came)
+    paths = seen.paths
+    paths = replace(paths, conditions=paths.conditions.take(none), count=none, path=none)
+    seen = replace(seen, poses=replace(seen.poses, joint=reading, point=point), paths=paths)
+    (said,) = [f for f in diagnose(seen, heavy).verdict.findings if f.kind == "drive"]
+    assert (said.cause, said.location) == ("backlash", "joint_2")
+    found = said.parameters["gap_2"]
+    assert abs(found.value - gap) < 3 * found.std < 0.2 * gap
 
 
 @pytest.mark.parametrize(("readings", "tried"), [(20, 0), (60, 1), (1000, 2)])

@@ -41,7 +41,7 @@ from delta_calibration.effects.signals import (
     Places,
     nominal,
 )
-from delta_calibration.model.chain_constants import OF_WEIGHT
+from delta_calibration.model.chain_constants import FREE_FALL, OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
@@ -108,11 +108,11 @@ class Backlash(Effect):
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Loads that never decide the flank, that always do, and frictions between these."""
         yield replace(self, held_by=0.0)
-        if not self.mechanism.weighed or self.robot.masses is None:
+        if not self._heavy:
             return
         if not replace(self, held_by=1.0).missing(at):
             torques = np.abs(self._load(at))
-            torques = torques[torques > _ROUNDING * torques.max()]
+            torques = torques[torques > self._least_load]
             levels = np.quantile(torques, _SHARES) if torques.size else torques
             for level in np.unique([*levels[:1] / 2, *levels]):
                 yield replace(self, held_by=float(level))
@@ -128,9 +128,19 @@ class Backlash(Effect):
             return NO_PAYLOAD
         return super().missing(at)
 
+    @property
+    def _heavy(self) -> bool:
+        """Whether the robot file states the masses whose weight may hold the arm on one side."""
+        return self.mechanism.heavy(self.robot.masses)
+
     def _load(self, at: Conditions) -> Array:
         """Load of weight on the joints of the nominal machine, (n, m) [N m, N]."""
         return nominal(self.robot, self.mechanism, at, OF_WEIGHT).of(GRAVITY)
+
+    @property
+    def _least_load(self) -> float:
+        """Load [N m, N] below which its side is rounding error, as about upright axes."""
+        return _ROUNDING * FREE_FALL * float(np.sum(self.mechanism.weights(self.robot.masses)))
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """Backlash that a session cannot show because weight decides on which side the gap is.
@@ -138,10 +148,10 @@ class Backlash(Effect):
         If a joint is held on one side at all poses, its backlash looks like a zero offset. If the
         payload is not known, neither is the torque, and such backlash was not searched.
         """
-        if not self.mechanism.weighed or not len(at):
+        if not self._heavy or not len(at):
             return None
         load = self._load(at)
-        side = np.where(np.abs(load) > _ROUNDING * np.abs(load).max(), np.sign(load), 0.0)
+        side = np.where(np.abs(load) > self._least_load, np.sign(load), 0.0)
         held = np.abs(side.sum(axis=0)) == len(load)
         if not held.any():
             return self._not_searched(at)
@@ -158,7 +168,7 @@ class Backlash(Effect):
         )
 
     def _not_searched(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        if payload_known(at) or self.robot.masses is None:
+        if payload_known(at):
             return None
         return (
             _HELD,
@@ -185,4 +195,4 @@ class Backlash(Effect):
 _HELD = "backlash held by weight"
 _LEAST = 1e-9  # [rad of a Delta]
 _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction
-_ROUNDING = 1e-6  # of the largest torque: what a smaller one decides is rounding error
+_ROUNDING = 1e-6  # of the torque of the robot's weight at a lever of a metre

@@ -174,6 +174,14 @@ class Mechanism(ABC):
         """Whether a robot file states its masses, and its limbs push as well as pull."""
         return self.Masses is not None and not self.pulls
 
+    def heavy(self, masses: Any) -> bool:
+        """Whether the weight of its parts is known, and loads its drives on either side.
+
+        Args:
+            masses: of the robot file; None if it states none in a table of their own.
+        """
+        return not self.pulls and bool(np.any(self.weights(masses)))
+
     @property
     def base_lengths(self) -> Array:
         """Length of the base that each dimension contains and grows with, else 0, (p,) [m].
