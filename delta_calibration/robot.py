@@ -23,7 +23,7 @@ from delta_calibration.errors import ConfigError
 from delta_calibration.geometry import Camera
 from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import MECHANISMS, Drives, Mechanism
-from delta_calibration.mechanisms.consistency import faults_told, require_consistent
+from delta_calibration.mechanisms.consistency import FREEDOMS, faults_told, require_consistent
 from delta_calibration.sections import (
     angle,
     choice,
@@ -531,7 +531,19 @@ def _require_home(robot: Robot, data: Document) -> None:
         raise ConfigError(
             f"{robot.source}: geometry: {_written(data['geometry'])}: a {robot.mechanism} of "
             f"these dimensions {how} at home ({model.home_is}), joints at {where} {unit}"
+            f"{_held(model, x)}"
         )
+
+
+def _held(model: Mechanism, x: Array) -> str:
+    """Commanded coordinates that no joint changes at home, in words; empty if there are none."""
+    slope = model.velocity_jacobian(model.home[None], x, model.parameters.nominal)[0]
+    moved = np.abs(slope[: model.task_size]).max(axis=1)
+    if not (np.isfinite(moved).all() and moved.max() > 0):
+        return ""
+    still = np.flatnonzero(moved < moved.max() / _SINGULAR)
+    named = " and ".join(FREEDOMS[model.freedoms[k]] for k in still.tolist())
+    return f", where no joint changes {named}, which it is commanded by" if named else ""
 
 
 def _written(section: Mapping[str, Any]) -> str:

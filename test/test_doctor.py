@@ -217,6 +217,22 @@ def test_no_calibration_is_written_over_a_mistake(
     assert not out.exists()
 
 
+def test_a_verdict_of_a_session_with_a_mistake_is_written_before_the_refusal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """`--json` beside `--out` gives what it gives alone; only the calibration is refused."""
+    made = KINDS["tracker_shifted"](case_of("linear_delta"), 0)
+    write_session(tmp_path / "moved", made.session)
+    out, told = tmp_path / "calibration.yaml", tmp_path / "verdict.json"
+    words = ["diagnose", str(tmp_path / "moved"), "--robot", "linear_delta", "--out", str(out)]
+    assert run([*words, "--json", str(told)]) == 1
+    said = capsys.readouterr()
+    assert f"written: {told}" in said.out
+    assert "no calibration is written" in said.err
+    assert json.loads(told.read_text(encoding="utf-8"))["findings"]
+    assert not out.exists()
+
+
 def test_fix_is_not_promised_where_nothing_explains_the_session(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

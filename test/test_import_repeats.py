@@ -56,7 +56,7 @@ def test_copies_are_left_out_or_kept(cell, capsys):
     out = imported(folder, head, table, mapping_of(repeated="skip"))
     assert "repeat lines 2 to 11 to the last digit" in capsys.readouterr().out
     assert len(read_session(out).tracker.stamp_ns) == len(rows)
-    out = imported(folder, head, table, mapping_of(repeated="keep"))
+    out = imported(folder, head, table, mapping_of(repeated="keep", row_interval_s=10))
     assert "note" not in capsys.readouterr().out
     assert len(read_session(out).tracker.stamp_ns) == len(rows) + 10
 
@@ -71,7 +71,7 @@ def test_repeated_poses_that_coarse_digits_make_alike(cell, capsys):
     ]
     imported(folder, head, rounded(table, 1), mapping_of())
     assert "can be equal by chance, so they were kept" in capsys.readouterr().out
-    imported(folder, head, rounded(table, 4), mapping_of())
+    imported(folder, head, rounded(table, 4), mapping_of(row_interval_s=10))
     assert "note" not in capsys.readouterr().out
 
 

@@ -125,6 +125,12 @@ DRAWINGS = {  # robot, text, its replacement, message
         "home_deg: [60.0, 0.0]",
         r"home_deg \[60.0, 0.0\], .*: a serial_arm of these dimensions is singular at home",
     ),
+    "a coordinate that no joint changes": (
+        "scara",
+        "home_deg: [60.0, 30.0]",
+        "home_deg: [0.0, 0.0]",
+        r"joints at 0, 0 degrees, where no joint changes x, which it is commanded by",
+    ),
     "home beyond the limits": (
         "scara",
         "home_deg: [60.0, 30.0]",

@@ -466,6 +466,38 @@ def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
         assert turn.magnitude() < 1e-7
 
 
+def test_a_planar_arm_of_three_joints_is_drafted_and_calibrated(tmp_path: Path) -> None:
+    """Three vertical axes, 0.4 m, 0.3 m and 0.2 m: measured by a point, it recovers a zero."""
+    from delta_calibration.cli.main import run as cli
+
+    rows = [
+        {
+            "name": f"axis_{k + 1}",
+            "kind": "revolute",
+            "parent": f"l{k}",
+            "child": f"l{k + 1}",
+            "xyz": xyz,
+            "rpy": "0 0 0",
+            "axis": "0 0 1",
+        }
+        for k, xyz in enumerate(("0 0 0", "0.4 0 0", "0.3 0 0"))
+    ]
+    tool = {**rows[-1], "name": "flange", "kind": "fixed", "parent": "l3", "child": "tool"}
+    file = urdf(tmp_path / "arm.urdf", [*rows, {**tool, "xyz": "0.2 0 0"}])
+    robot, session, out = (str(tmp_path / name) for name in ("arm.yaml", "session", "c.yaml"))
+    done = run("from-urdf", file, "--out", robot)
+    assert done.exit_code == 0, done.output
+    assert load_robot(robot).commanded.task_size == 2
+    how = ["--effect", "backlash", "--plan", "identify", "--seed", "3", "--out", session]
+    assert cli(["simulate", "--robot", robot, *how]) == 0
+    assert cli(["fit", session, "--robot", robot, "--out", out]) == 0
+    targets, commands = tmp_path / "targets.csv", tmp_path / "commands.csv"
+    middle = load_robot(robot).workspace.centre * 1e3
+    targets.write_text("x_mm,y_mm,z_mm\n" + ",".join(map(str, middle)), encoding="utf-8")
+    asked = ["--robot", robot, "--calibration", out, str(targets), "--out", str(commands)]
+    assert cli(["compensate", *asked]) == 0
+
+
 def upright_arm() -> list[dict[str, str]]:
     """An arm that stands up straight: one vertical axis and two horizontal ones."""
     rows = [("0 0 0.2", "0 0 1"), ("0 0 0.2", "0 1 0"), ("0 0 0.4", "0 1 0")]

@@ -19,6 +19,16 @@ SCARA = load_robot("scara").dimensions
 UR10 = load_robot("ur10").dimensions
 TOLERANCES = ArmTolerances(0.5e-3, 1e-3, 1e-3, 2e-3, 5e-3)
 MOUNTED = replace(UR10, tool=np.array([0.02, -0.01, 0.09]), mount=np.array([0.4, np.pi / 2, -1.1]))
+PLANAR = replace(
+    SCARA,
+    links=(
+        SCARA.links[0],
+        replace(SCARA.links[1], length=0.4),
+        replace(SCARA.links[1], length=0.3),
+    ),
+    tool=np.array([0.2, 0.0, 0.0]),
+    home=np.radians([30.0, 40.0, 30.0]),
+)
 ARMS = {
     "six_axes": MOUNTED,
     "scara": SCARA,
@@ -177,6 +187,28 @@ def test_identifiable_parameters_are_four_a_joint_and_six(dimensions):
 def test_impossible_arms_are_refused(change, message):
     with pytest.raises(ConfigError, match=message):
         replace(UR10, **change)
+
+
+def test_planar_arm_of_three_joints_is_commanded_by_x_and_y():
+    """One joint more than needed: x and y are reached with hardly more than the least change."""
+    arm = SerialArm(PLANAR, TOLERANCES)
+    assert arm.freedoms == (0, 1)
+    g, home = arm.parameters.nominal, arm.home[None]
+    x = arm.forward(home, g)
+    assert arm.condition(home, x, g)[0] < 10
+    step = np.array([[1e-5, -2e-5]])
+    slope = arm.velocity_jacobian(home, x, g)[0, :2]
+    found = arm.inverse(x[:, :2] + step, g, home)
+    np.testing.assert_allclose(arm.forward(found, g)[:, :2], x[:, :2] + step, atol=1e-12)
+    least = np.linalg.norm(step @ np.linalg.pinv(slope).T)
+    assert np.linalg.norm(found - home) < 1.1 * least
+
+
+def test_planar_arm_in_a_level_direction_is_refused():
+    """Of an upright plane, x and y determine no place."""
+    upright = replace(PLANAR.links[0], twist=np.pi / 2)
+    with pytest.raises(ConfigError, match=r"links\[0\].twist_deg: 90 is not .* turn the base"):
+        replace(PLANAR, links=(upright, *PLANAR.links[1:]))
 
 
 @pytest.mark.parametrize(

@@ -144,17 +144,37 @@ def warn_of_mistakes(
         InputError: the session lacks joints of the robot, so that nothing can be fitted.
         MistakeError: a mistake was found, a calibration is to be written, and `force` is not set.
     """
+    checked = checked_before(session, robot, robot_file)
+    if out and not force:
+        require_no_mistake(session, checked)
+    return checked.found
+
+
+def checked_before(session: Session, robot: Robot, robot_file: str) -> Checked:
+    """Check a session before it is fitted; print a warning for each mistake that is found.
+
+    Raises:
+        InputError: the session lacks joints of the robot, so that nothing can be fitted.
+    """
     path, document = robot_document(robot_file)
     checked = check(session, robot, document, str(path))
     if lacks_joints(session, robot):
         raise InputError("; ".join(f"{session.source}: {m.sentence()}" for m in checked.found))
     for mistake in checked.found:
         click.echo(f"warning: {mistake.sentence()}")
-    if checked.found and out and not force:
+    return checked
+
+
+def require_no_mistake(session: Session, checked: Checked) -> None:
+    """Refuse to write a calibration from a session with a mistake.
+
+    Raises:
+        MistakeError: a mistake was found.
+    """
+    if checked.found:
         raise MistakeError(
             f"{session.source}: no calibration is written from a session with a mistake "
             f"({_named(checked.found)}): `delta-cal check` "
             f"explains it{' and corrects it (--fix)' if checked.resolved else ''}; --force writes "
             "the calibration anyway"
         )
-    return checked.found

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration, save_calibration
-from delta_calibration.cli.check import warn_of_mistakes
+from delta_calibration.cli.check import checked_before, require_no_mistake
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
@@ -119,7 +119,10 @@ def command(
     calibration = None if in_force is None else load_calibration(in_force, robot)
     population = population_in(priors_file, robot, model)
     recorded = read_session(session, Topics.from_options(topics))
-    mistakes = warn_of_mistakes(recorded, robot, robot_file, force, out is not None)
+    checked = checked_before(recorded, robot, robot_file)
+    refusing = out is not None and not force
+    if refusing and not (json_file or law_file or report_file):  # else these are written first
+        require_no_mistake(recorded, checked)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration, population)
@@ -131,16 +134,19 @@ def command(
     if json_file is not None:
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")
-    if out is not None:
-        save_calibration(out, found.identification, robot, seen.poses)
-        click.echo(f"written: {out}")
     if law_file is not None:
         for line in write_law(law_file, found, session.name):
             click.echo(line)
     if report_file is not None:
+        mistakes = checked.found
         made = report_on(session, recorded, found, robot, seed, calibration, mistakes=mistakes)
         write_page(report_file, made)
         click.echo(f"written: {report_file}")
+    if refusing:
+        require_no_mistake(recorded, checked)
+    if out is not None:
+        save_calibration(out, found.identification, robot, seen.poses)
+        click.echo(f"written: {out}")
 
 
 def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -105,6 +106,13 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     help="Unit of the points, with --preset.",
 )
 @click.option(
+    "--row-interval",
+    type=Quantity(0.0, 86400.0, above=True),
+    default=None,
+    help="Time from row to row of a table without times [s], with --preset or --guess.  "
+    "[default: 10, as an assumption that all results tell]",
+)
+@click.option(
     "--mapping-out", type=OUTPUT, default=None, help="Write the mapping to this YAML file."
 )
 @click.option(
@@ -127,6 +135,7 @@ def command(
     within: float,
     shift: float,
     unit: str | None,
+    row_interval: float | None,
     mapping_out: Path | None,
     json_file: Path | None,
     robot_file: str,
@@ -150,17 +159,23 @@ def command(
         raise InputError("--json needs --guess: the file contains what --guess proposes")
     if unit is not None and preset is None:
         raise InputError("--unit needs --preset: a mapping states the unit of each column")
+    if row_interval is not None and mapping_file is not None:
+        raise InputError(
+            "--row-interval needs --preset or --guess: a mapping states it as row_interval_s"
+        )
     doubts = 0
     with TemporaryDirectory() as folder:
         if mapping_file is None:
             mapping_file = mapping_out or Path(folder) / "mapping.yaml"
             if preset is not None:
                 other = _other(join_file, join_preset, by, within, shift)
-                mapping: Mapping[str, Any] = mapping_of(preset, robot, other, unit, mapping_file)
+                given = mapping_of(preset, robot, other, unit, mapping_file)
+                mapping = _timed(given, row_interval)
             else:
                 joined = _second(join_file, join_preset, by, within, shift)
                 beside = mapping_file if mapping_out or out else Path("mapping.yaml")
                 proposed = guessed(table, robot, joined, beside)
+                proposed = replace(proposed, mapping=_timed(proposed.mapping, row_interval))
                 if json_file is not None:
                     write_json(json_file, proposed.as_dict())
                 read_as = mapping_from(proposed.mapping, beside, robot)
@@ -185,6 +200,21 @@ def _require_something(out: Path | None, mapping_out: Path | None, guess: bool) 
         raise InputError(
             "nothing to write: give --out for the session or --mapping-out for the mapping"
         )
+
+
+def _timed(mapping: Mapping[str, Any], interval: float | None) -> Mapping[str, Any]:
+    """A mapping with the stated interval of the rows [s], if there is one.
+
+    Raises:
+        InputError: the rows have times.
+    """
+    if interval is None:
+        return mapping
+    if "time" in mapping:
+        raise InputError(
+            f"--row-interval: the table has times, in column {mapping['time']['column']}"
+        )
+    return {**mapping, "row_interval_s": interval}
 
 
 def _other(

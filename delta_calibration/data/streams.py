@@ -6,6 +6,7 @@ has one row or more, all of finite numbers; a stream that was not recorded is No
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -18,6 +19,9 @@ Stamps = NDArray[np.int64]
 
 # [ns] fixed start of simulated sessions, so that the same seed gives the same file
 SIMULATED_NS = 1_700_000_000_000_000_000
+
+# metadata of a session made of rows without times: seconds assumed from row to row
+ASSUMED_INTERVAL = "assumed_row_interval_s"
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,28 @@ class Session:
     payload: PayloadStream | None = None
     notes: tuple[str, ...] = ()
     metadata: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def assumed_interval(self) -> float | None:
+        """Time assumed from row to row [s], if only the order of the rows is known; else None."""
+        try:
+            seconds = float(self.metadata.get(ASSUMED_INTERVAL, ""))
+        except ValueError:
+            return None
+        return seconds if 0 < seconds < math.inf else None
+
+    @property
+    def clock_note(self) -> str:
+        """Note that times are assumed and not measured; empty if they were measured."""
+        seconds = self.assumed_interval
+        if seconds is None:
+            return ""
+        return (
+            f"times were not recorded: {seconds:g} s from row to row are assumed, in the order of "
+            "the rows. Whatever is told per hour, in seconds or as a time constant depends on "
+            "this; state the true interval on import (--row-interval, or row_interval_s in the "
+            "mapping)"
+        )
 
     def between(self, begin_ns: int, end_ns: int) -> Session:
         """The session between two stamps, ends included; the payload stream is kept whole."""

@@ -101,6 +101,13 @@ The same arm has the same `zero_deg` and `offset_mm` in both conventions; `twist
 frame in which `tool_mm` and `mount_deg` are given. In both, `parallel` compares a row's axis with
 the previous one. Standard rows are converted to modified ones when the file is read: identified
 parameters (`twist_2`) are modified, and `delta-cal export --format dh` writes both tables.
+
+The links decide which coordinates of the tool an arm is commanded by: x and y with two joints, or
+if all axes are parallel, whatever their number; the whole pose with six or seven joints; the
+position otherwise. A planar arm of three joints has one joint more than x and y need: a correction
+brings the tool to x and y by a small change of the joints and of the tool's turn, which is not
+corrected itself. The parallel axes of a planar arm may not be level in the base frame (`twist_deg`
+of the first link 90 or -90), because x and y then determine no place.
 """.rstrip().splitlines()
 
 

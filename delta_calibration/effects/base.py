@@ -299,6 +299,15 @@ class Effect(ABC):
         return label, self.unit_of(unit), 1.0
 
     @property
+    def follows(self) -> str:
+        """Course that its values belong to, in words; empty if all shapes have the same one.
+
+        Values of one cause that follow different courses, such as a ramp and a settling, have
+        different meanings and cannot be compared.
+        """
+        return ""
+
+    @property
     def per_hour(self) -> bool:
         """Whether its values are those of an hour, as of a ramp over time."""
         return False

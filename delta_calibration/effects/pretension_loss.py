@@ -34,7 +34,14 @@ from delta_calibration.effects.cables import CableEffect, cable, length
 from delta_calibration.effects.regressor import CLOCK, Regressor
 from delta_calibration.effects.remedy import ADJUST, Remedy
 from delta_calibration.effects.signals import GEOMETRY, JOINT, POSE, TIGHTNESS, TIME, Places
-from delta_calibration.effects.time_course import TIME_CONSTANTS, TOLD, around, course, is_ramp
+from delta_calibration.effects.time_course import (
+    TIME_CONSTANTS,
+    TOLD,
+    around,
+    course,
+    is_ramp,
+    kind_of,
+)
 from delta_calibration.model.symbols import Symbol
 from delta_calibration.model.terms import Term
 from delta_calibration.parameters import ParameterSet
@@ -115,6 +122,11 @@ class PretensionLoss(CableEffect):
     def per_hour(self) -> bool:
         """Whether the loss is a ramp."""
         return is_ramp(self.time_constant)
+
+    @property
+    def follows(self) -> str:
+        """A ramp or settling."""
+        return kind_of(self.time_constant)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Interval of the time constant; none for a ramp."""

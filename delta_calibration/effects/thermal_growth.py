@@ -29,6 +29,7 @@ from delta_calibration.effects.time_course import (
     course,
     cycles,
     is_ramp,
+    kind_of,
     wrong_cycle,
 )
 from delta_calibration.model.symbols import Symbol, where
@@ -143,6 +144,13 @@ class ThermalGrowth(Effect):
     def per_hour(self) -> bool:
         """Whether growth follows time as a ramp."""
         return not self.sensor and is_ramp(self.time_constant, period=self.period)
+
+    @property
+    def follows(self) -> str:
+        """The temperature of a sensor; over time a ramp, settling or a cycle."""
+        if self.sensor:
+            return f"the temperature of {self.sensor}"
+        return kind_of(self.time_constant, period=self.period)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the searched fields, if the growth follows time."""

@@ -96,6 +96,15 @@ def is_ramp(time_constant: float, step_at: float = -1.0, period: float = 0.0) ->
     return time_constant <= 0 and step_at < 0 and period <= 0
 
 
+def kind_of(time_constant: float, step_at: float = -1.0, period: float = 0.0) -> str:
+    """Kind of a course over time, in words."""
+    if step_at >= 0:
+        return "a step"
+    if period > 0:
+        return "a cycle"
+    return "settling" if time_constant > 0 else "a ramp"
+
+
 def wrong_cycle(period: float, phase: float) -> str:
     """Reason why a cycle is invalid; empty if it is valid, or if there is none."""
     return f"phase: {phase} is not allowed without a period" if phase and not period else ""
@@ -136,6 +145,11 @@ class Drift(Effect):
     def per_hour(self) -> bool:
         """Whether it is a ramp."""
         return is_ramp(self.time_constant, self.step_at, self.period)
+
+    @property
+    def follows(self) -> str:
+        """A ramp, settling, a step or a cycle."""
+        return kind_of(self.time_constant, self.step_at, self.period)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Intervals of the searched fields; none for a ramp."""

@@ -13,7 +13,7 @@ import numpy as np
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.mechanisms.base import Mechanism
 
-_NAMES = ("x", "y", "z", "a turn about x", "a turn about y", "a turn about z")  # of freedoms
+FREEDOMS = ("x", "y", "z", "a turn about x", "a turn about y", "a turn about z")
 _TURNS = 3  # freedoms from here on are turns
 _NEAR = 1e-3  # [m, rad] by which coordinates of the home pose are displaced
 _SAME = 1e-9  # [m, rad] up to which two coordinates are the same
@@ -93,7 +93,7 @@ def _faults_of_parts(model: Mechanism) -> Iterator[str]:
 def _faults_of_freedoms(model: Mechanism) -> Iterator[str]:
     """Commanded coordinates have to be the first of a pose, and the freedoms that are stated."""
     size, freedoms = model.task_size, model.freedoms
-    if len(freedoms) != size or len(set(freedoms) & set(range(len(_NAMES)))) != size:
+    if len(freedoms) != size or len(set(freedoms) & set(range(len(FREEDOMS)))) != size:
         yield f"freedoms: {freedoms} is not allowed; {size} different ones of 0 to 5"
         return
     home = np.asarray(model.home_pose, dtype=float)
@@ -117,7 +117,7 @@ def _faults_of_freedoms(model: Mechanism) -> Iterator[str]:
         if not fits:
             yield (
                 f"freedoms: coordinate {number + 1} of the pose is stated to be "
-                f"{_NAMES[freedom]}, but moves and turns the platform by "
+                f"{FREEDOMS[freedom]}, but moves and turns the platform by "
                 f"{np.round(moved[number], 6).tolist()}: `freedoms`, `point` and `turn` do not "
                 "fit together"
             )

@@ -42,10 +42,10 @@ class SerialArm(Mechanism):
     of the measuring device, 4 m + 6 combinations of the 4 m + 12 are identifiable from poses: the
     first link is redundant with four of the frame's six, the last zero and offset with the tool.
 
-    Two joints command x and y, six or more the pose, others the position. Of the postures that
-    reach a task, two parallel axes keep the elbow of `home`, and with a guess any arm takes the
-    posture of the guess; without one, damped steps from home decide. Leaves out compliance of
-    links and gears.
+    Two joints command x and y, and so do more joints if all axes are parallel. Otherwise six or
+    more joints command the pose, others the position. Of the postures that reach a task, two
+    parallel axes keep the elbow of `home`, and with a guess any arm takes the posture of the
+    guess; without one, damped steps from home decide. Leaves out compliance of links and gears.
     """
 
     name: ClassVar[str] = "serial_arm"
@@ -61,7 +61,8 @@ class SerialArm(Mechanism):
         self.tolerances = tolerances
         self.joints = len(dimensions.links)
         self.pose_size = 6
-        self.task_size = 2 if self.joints == 2 else 6 if self.joints >= 6 else 3
+        plane = self.joints == 2 or dimensions.planar
+        self.task_size = 2 if plane else 6 if self.joints >= 6 else 3
         each = (self._link(number, link) for number, link in enumerate(self.dimensions.links, 1))
         self.parameters = ParameterSet((*(p for link in each for p in link), *self._tool()))
         self.variant = f"_{self.joints}"

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 MODIFIED, STANDARD = "modified", "standard"
 X = np.array([1.0, 0.0, 0.0])
+_PLANE = 0.02  # [rad] tilt of axes up to which an arm moves in a plane, or a plane is upright
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,8 @@ class ArmDimensions:
     """The drawing of a serial arm.
 
     Raises:
-        ConfigError: no link, a first axis marked parallel, or home, tool or mount of wrong size.
+        ConfigError: no link, a first axis marked parallel, home, tool or mount of wrong size, or
+            motion in an upright plane, of which x and y determine no place.
     """
 
     links: tuple[Link, ...] = parts(
@@ -104,6 +106,18 @@ class ArmDimensions:
         ):
             if value.shape != (size,) or not np.isfinite(value).all():
                 raise refused(self, name, f"{size} finite numbers")
+        if self.planar and abs(np.cos(self.modified.links[0].twist)) < _PLANE:
+            raise ConfigError(
+                f"links[0].twist_deg: {np.degrees(self.links[0].twist):g} is not allowed; all "
+                "axes are parallel and level, and such an arm is commanded by x and y: turn the "
+                "base frame, for example to 0 degrees, z along the axes"
+            )
+
+    @property
+    def planar(self) -> bool:
+        """Whether all axes are parallel, so that the tool moves in one plane only."""
+        later = self.modified.links[1:]
+        return bool(later) and all(abs(np.sin(link.twist)) < _PLANE for link in later)
 
     @property
     def modified(self) -> ArmDimensions:

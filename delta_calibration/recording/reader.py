@@ -64,7 +64,8 @@ def read_session(
     except RecordingError as error:
         said = "".join(f"; {note}" for note in (*recording.notes, *assembly.notes))
         raise RecordingError(f"{path}: {error}{said}") from None
-    return replace(session, notes=(*files.notes, *recording.notes, *assembly.notes))
+    notes = (*files.notes, *recording.notes, *assembly.notes, session.clock_note)
+    return replace(session, notes=tuple(filter(None, notes)))
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ LENGTHS = {"um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 25.4e-3}
 MASSES = {"g": 1e-3, "kg": 1.0}
 TIMES = {"ns": 1e-9, "us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 KELVIN = {"degC": (1.0, 0.0), "K": (1.0, -273.15), "degF": (5 / 9, -160 / 9)}  # to deg C
+PAUSE = 1.1  # [s] stops closer in time could not be distinguished from a stream
 _STEPS = "microsteps"
 _THIN = 1e-3  # [m] least second singular value of the reflectors' places: else they are collinear
 
@@ -67,6 +68,7 @@ class TableMapping:
     repeated: str  # refuse, skip, keep
     time: Column | None
     time_format: str
+    row_interval: float | None  # [s] from row to row, stated instead of times
     commands: tuple[Column, ...]  # (m,)
     encoders: tuple[Column, ...]  # (m,) or none
     position: tuple[Column, ...]  # (3,)
@@ -125,6 +127,7 @@ def mapping_from(document: Document, path: Path, robot: Robot) -> TableMapping:
         repeated=data.get("repeated", "refuse"),
         time=time and Column(time["column"], time["unit"], TIMES.get(time["unit"], 1.0)),
         time_format=(time or {}).get("format", ""),
+        row_interval=data.get("row_interval_s"),
         commands=_joints(data["commands"], robot, f"{path}: commands"),
         encoders=_joints(data.get("encoders", ()), robot, f"{path}: encoders"),
         position=_places(data["position"], f"{path}: position"),
@@ -162,8 +165,18 @@ def _require_whole(mapping: TableMapping, joints: int) -> None:
             "allowed; a format, such as '%Y-%m-%d %H:%M:%S', needs unit format, and unit format "
             "needs one"
         )
-    if mapping.stream and time is None:
-        raise ConfigError(f"{path}: missing key time: rows of a stream need one")
+    interval = mapping.row_interval
+    if time is not None and interval is not None:
+        raise ConfigError(f"{path}: row_interval_s is not allowed together with time: one of them")
+    if mapping.stream and time is None and interval is None:
+        raise ConfigError(
+            f"{path}: missing key time: rows of a stream need one, or row_interval_s"
+        )
+    if not mapping.stream and interval is not None and interval < PAUSE:
+        raise ConfigError(
+            f"{path}: row_interval_s: {interval:g} is not allowed with rows: stops; they are "
+            f"{PAUSE:g} s apart or more"
+        )
     if mapping.stream and (mapping.moving or mapping.direction):
         raise ConfigError(
             f"{path}: moving and direction are not allowed with rows: stream; both are found from "

@@ -17,6 +17,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.geometry import align
 from delta_calibration.recording.table_mapping import (
     KELVIN,
+    PAUSE,
     Column,
     Reflector,
     TableMapping,
@@ -30,8 +31,7 @@ from delta_calibration.texts import number_of
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_STOP = 10.0  # [s] from row to row if a table of stops has no times
-_PAUSE = 1.1  # [s] stops closer in time could not be distinguished from a stream
+STOP = 10.0  # [s] from row to row if a table of stops has no times
 _LATEST = float(2**31)  # [s] a ROS stamp ends there
 _SHOWN = 6  # texts of a column in a message, at most
 _APART = 0.5e-3  # [m] largest distance of a reflector from its place in the fitted platform frame
@@ -73,6 +73,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     """
     source = read_source(path, mapping.names, mapping.form, mapping.join)
     rows, notes = list(source.rows), list(source.notes)
+    number = {id(row): k for k, row in enumerate(rows, 1)}  # rows left out take their time too
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
@@ -106,7 +107,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     numbers = TableNumbers(
         file=path,
         rows=tuple(rows),
-        time=_times(rows, mapping),
+        time=_times(rows, mapping, np.array([number[id(row)] for row in rows])),
         command=_columns(rows, mapping.commands),
         encoder=_columns(rows, mapping.encoders) if mapping.encoders else None,
         position=position,
@@ -164,11 +165,18 @@ def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
     return np.asarray((scale * raw + offset) * factor)
 
 
-def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
-    """Times of the rows, (n,) [s]; at equal steps if a table of stops has no times."""
+def _times(rows: Sequence[Row], mapping: TableMapping, number: NDArray[np.int64]) -> Array:
+    """Times of the rows, (n,) [s]; at equal steps by their `number` if the table has no times."""
     column = mapping.time
     if column is None:
-        return np.asarray(_STOP * np.arange(1, len(rows) + 1), dtype=np.float64)
+        step = mapping.row_interval or STOP
+        time = np.asarray(step * number, dtype=np.float64)
+        if time[-1] >= _LATEST:
+            raise InputError(
+                f"{rows[-1].file}: {len(rows)} rows, {step:g} s apart, end at "
+                f"{time[-1]:.6g} s; less than {_LATEST:.0f} s is allowed"
+            )
+        return time
     if column.unit == "format":
         time = np.array([_moment(row, column.name, mapping.time_format) for row in rows])
     else:
@@ -189,12 +197,12 @@ def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
             f"{how} line {before.line}, {(before.text[column.name] or '')!r}; rows must be in "
             "order of time",
         )
-    close = np.flatnonzero(np.diff(time) < _PAUSE)
+    close = np.flatnonzero(np.diff(time) < PAUSE)
     if not mapping.stream and close.size:
         row, gap = rows[close[0] + 1], float(np.diff(time)[close[0]])
         raise row.wrong(
             column.name,
-            f"is {gap:.3g} s after line {rows[close[0]].line}; stops are {_PAUSE:g} s apart or "
+            f"is {gap:.3g} s after line {rows[close[0]].line}; stops are {PAUSE:g} s apart or "
             "more: another unit, or `rows: stream`? Without time, rows are stops in their order",
         )
     return time

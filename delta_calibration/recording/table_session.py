@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data.streams import (
+    ASSUMED_INTERVAL,
     JointStream,
     PayloadStream,
     Session,
@@ -16,7 +18,7 @@ from delta_calibration.data.streams import (
 )
 from delta_calibration.plans.motion import APPROACH
 from delta_calibration.recording.table_mapping import TableMapping
-from delta_calibration.recording.table_numbers import TableNumbers, read_numbers
+from delta_calibration.recording.table_numbers import STOP, TableNumbers, read_numbers
 from delta_calibration.recording.table_units import require_units
 from delta_calibration.robot import Robot
 
@@ -30,7 +32,8 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
     """Session made from a table.
 
     Each row gives a command and the measurement there. Rows in motion give commands only. If a
-    row has directions of approach, a command short of it is inserted before it.
+    row has directions of approach, a command short of it is inserted before it. If the table has
+    no times, the session's metadata say which interval of its rows was assumed.
 
     Raises:
         InputError: the table does not have the mapping's form, or has numbers that are impossible
@@ -39,13 +42,14 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
     tracker = robot.tracker
     sigma = min(tracker.radial, tracker.transverse)
     numbers = read_numbers(path, mapping, sigma)
-    notes = require_units(numbers, mapping, robot)
+    doubts = require_units(numbers, mapping, robot)
     names, at = robot.joints.names, np.round(numbers.time * 1e9).astype(np.int64)
     if numbers.direction is not None and at[0] < _LEAD_NS:  # no stamp is before zero
         at = at + _LEAD_NS
     rest = ~numbers.moves
     turn = numbers.quaternion
-    return Session(
+    timed = mapping.time is not None or mapping.row_interval is not None
+    session = Session(
         source=str(path),
         command=_commands(numbers, at, robot),
         states=None if numbers.encoder is None else JointStream(at, names, numbers.encoder),
@@ -57,8 +61,10 @@ def session_of_table(path: Path, mapping: TableMapping, robot: Robot) -> Session
             for k, (part, _) in enumerate(mapping.temperature)
         ),
         payload=None if numbers.payload is None else _payloads(numbers.payload, at),
-        notes=(*numbers.notes, *notes),
+        metadata={} if timed else {ASSUMED_INTERVAL: f"{STOP:g}"},
     )
+    notes = (*numbers.notes, *doubts, session.clock_note)
+    return replace(session, notes=tuple(filter(None, notes)))
 
 
 def _commands(numbers: TableNumbers, at: Stamps, robot: Robot) -> JointStream:
