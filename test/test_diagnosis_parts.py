@@ -445,7 +445,7 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
     X = columns_of(candidate(proper, "joint_compliance"), proper)
     r = proper.draw(1, np.random.default_rng(12))[:, 0] + X @ np.array([0.1, 0.2, -0.1])
     proper, free = with_residual(proper, r), (np.full(3, -np.inf), np.full(3, np.inf))
-    part, total = cross_validation.sectors(proper), 0.0
+    part, total, own = cross_validation.sectors(proper), 0.0, 0.0
     every = np.ones(len(r), dtype=bool)
 
     def learned(rows):
@@ -461,10 +461,10 @@ def test_what_is_foretold_is_the_likelihood_of_what_was_not_seen(evidence, dense
         others = np.repeat(part != number, 3)
         v = learned(others)[1]
         total += fallen(every, v) - fallen(others, v)
-    share = total / fallen(every, learned(every)[1])
-    assert cross_validation.foretold(proper, Plain(X), free, part) == pytest.approx(
-        share, rel=1e-6
-    )
+        own += fallen(every, learned(every)[1]) - fallen(others, learned(every)[1])
+    found = cross_validation.foretold(proper, Plain(X), free, part)
+    assert found.share == pytest.approx(total / fallen(every, learned(every)[1]), rel=1e-6)
+    assert found.of_parts == pytest.approx(total / own, rel=1e-6)
 
 
 def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
@@ -475,10 +475,23 @@ def test_what_sits_in_one_sector_foretells_nothing(evidence) -> None:
     noise = evidence.draw(1, np.random.default_rng(13))
     signal = columns @ np.full((3, 1), 2.0)
     everywhere = with_residual(evidence, noise + signal)
-    assert cross_validation.foretold(everywhere, Plain(columns), bounds, part) > 0.8
+    assert cross_validation.foretold(everywhere, Plain(columns), bounds, part).share > 0.8
     here = np.repeat(part == 0, 3)[:, None]
     somewhere = with_residual(evidence, noise + 3 * signal * here)
-    assert cross_validation.foretold(somewhere, Plain(columns), bounds, part) < 0.25
+    found = cross_validation.foretold(somewhere, Plain(columns), bounds, part)
+    assert max(found.share, found.of_parts) < 0.25
+
+
+def test_what_only_the_priors_of_dimensions_speak_for_is_told_alike_by_all_parts(evidence) -> None:
+    """A dimension would do the same, a hundred tolerances off: each part shows it already."""
+    part, row = cross_validation.sectors(evidence), 1
+    columns = np.asarray(evidence.geometry[:, [row]])
+    seen = with_residual(evidence, evidence.draw(1, np.random.default_rng(15)) + 100 * columns)
+    found = cross_validation.foretold(
+        seen, Plain(columns), (np.full(1, -np.inf), np.full(1, np.inf)), part
+    )
+    assert found.share < 0.25
+    assert found.of_parts > 0.9
 
 
 def test_a_value_that_shows_in_one_sector_only_keeps_to_the_size_of_the_effect(
@@ -495,8 +508,8 @@ def test_a_value_that_shows_in_one_sector_only_keeps_to_the_size_of_the_effect(
     for seed in range(8):
         seen = with_residual(evidence, evidence.draw(1, np.random.default_rng(seed)) + signal)
         about = seen, Plain(columns), bounds, part
-        alike = cross_validation.foretold(*about, size**-2)
-        shares.append((alike, cross_validation.foretold(*about)))
+        alike = cross_validation.foretold(*about, size**-2).share
+        shares.append((alike, cross_validation.foretold(*about).share))
     with_size, without = np.array(shares).T
     assert (with_size > 0.5).all()
     assert (without < 0.25).any()
@@ -510,7 +523,7 @@ def test_what_ends_at_its_bound_foretells_nothing(evidence) -> None:
     here = np.repeat(part == 2, 3)[:, None]
     less = with_residual(evidence, noise + columns * np.where(here, -9.0, 1.0))
     bounds = (np.zeros(1), np.full(1, np.inf))
-    assert cross_validation.foretold(less, Plain(columns), bounds, part) == 0.0
+    assert cross_validation.foretold(less, Plain(columns), bounds, part).share == 0.0
 
 
 # Residuals, and what cannot be determined

@@ -165,6 +165,8 @@ def test_a_value_that_the_session_does_not_determine_is_not_told_among_the_clear
     }
     finding = replace(found().verdict.findings[0], parameters=values)
     assert list(finding.clearest(6)) == ["gap_1", "gap_2", "level"]
+    vague = {name: replace(e, std=3 * abs(e.value)) for name, e in finding.parameters.items()}
+    assert len(replace(finding, parameters=vague).clearest(6)) == 1
 
 
 @pytest.fixture(scope="module")

@@ -41,6 +41,14 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
+class Foretold:
+    """How well columns predict parts of the data that their values were not fitted to."""
+
+    share: float  # of all chi square that they explain; 1 if only noise is in the way
+    of_parts: float  # of what they explain of the parts with values fitted to everything
+
+
+@dataclass(frozen=True)
 class Gain:
     """Share of the avoidable held-out error that a term removes."""
 
@@ -145,8 +153,8 @@ def foretold(
     bounds: tuple[Array, Array],
     part: NDArray[np.int64],
     precision: float = PRECISION,
-) -> float:
-    """Share of the explained chi square that columns also predict; 1 if only noise is in the way.
+) -> Foretold:
+    """Shares of the explained chi square that columns also predict.
 
     0 if they explain nothing, for example with values at their bounds.
 
@@ -155,6 +163,11 @@ def foretold(
     nuisance parameters marginalized:
 
         sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
+
+    Where mainly the priors of dimensions speak for the columns, as nothing else holds what they
+    explain within its tolerance, any parts show it and each of them adds little. Then the second
+    share tells whether the others determine the values: it is over the same sum with values
+    fitted to everything.
 
     Args:
         evidence: of all samples.
@@ -166,15 +179,19 @@ def foretold(
     information, b = evidence.information_of(columns), _along(evidence, columns)
     value = most_likely(information, b, *bounds)
 
-    def predicted(others: LinearizedModel, own: Columns, known: Array) -> float:
+    def predicted(others: LinearizedModel, own: Columns, known: Array) -> tuple[float, float]:
         along = _along(others, own)
         prior = np.where(_enough(known, np.diag(information)), PRECISION, precision)
-        v = most_likely(known, along, *bounds, prior)
-        return change(information, b, v) - change(known, along, v)
+        by_others = most_likely(known, along, *bounds, prior)
+        first, second = (
+            change(information, b, v) - change(known, along, v) for v in (by_others, value)
+        )
+        return first, second
 
-    total = sum(_without_each(evidence, columns, part, predicted))
-    whole = change(information, b, value)
-    return total / whole if whole > 0.0 else 0.0
+    each = _without_each(evidence, columns, part, predicted)
+    total, of_parts = np.sum(each, axis=0).tolist() if each else (0.0, 0.0)
+    wholes = change(information, b, value), of_parts
+    return Foretold(*(total / whole if whole > 0.0 else 0.0 for whole in wholes))
 
 
 def _along(evidence: LinearizedModel, columns: Columns) -> Array:

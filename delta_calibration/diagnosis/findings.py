@@ -139,7 +139,8 @@ class HeldOutModels:
         A cause has to predict sectors of the workspace that it was not fitted in, and stretches of
         time if the others hold enough information on it; and it must reduce the error in metres.
         For a strong signal that leaves only noise, the error need only not grow significantly: if
-        it shows in few samples, chance decides which they are. A map only interpolates: it has to
+        it shows in few samples, chance decides which they are; and the parts need only agree on
+        its values, as far as they show it. A map only interpolates: it has to
         reduce the error enough where it interpolates and must not raise it in unseen sectors. Of
         a dimension the others may tell too little, as they also determine all other dimensions:
         then the error in metres alone has to fall significantly.
@@ -153,7 +154,11 @@ class HeldOutModels:
         if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
         alike = self._alike.get(id(term), PRECISION)
-        foreseen = min(foretold(evidence, columns, bounds, each, alike) for each in parts)
+        value = model.scaled(term)
+        signal = float(value @ evidence.information_of(columns) @ value)
+        plain = signal >= NAMED and model.misfit <= LACKING
+        shares = [foretold(evidence, columns, bounds, each, alike) for each in parts]
+        foreseen = min(max(s.share, plain * s.of_parts) for s in shares)
         if foreseen < FORETOLD and term.effect is not None:
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)
@@ -162,9 +167,6 @@ class HeldOutModels:
             return None
         if term.unexplained:
             return held if held.low >= WORTH else None
-        value = model.scaled(term)
-        signal = float(value @ evidence.information_of(columns) @ value)
-        plain = signal >= NAMED and model.misfit <= LACKING
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
     def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:

@@ -328,11 +328,17 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
-    """Findings, with less confidence the likelier a map is that they may be a part of."""
-    return {
-        m: replace(f, confidence=f.confidence * (1 - (1 - PART_OF_A_MAP) * _map_beside(f, last)))
-        for m, f in said.items()
-    }
+    """Findings, with less confidence the likelier a map is that they may be a part of.
+
+    One is a map in the model that explains more than they do.
+    """
+    larger = max((f.signal for m, f in said.items() if m.unexplained), default=0.0)
+
+    def doubted(finding: Finding) -> Finding:
+        doubt = 1.0 if larger > finding.signal else _map_beside(finding, last)
+        return replace(finding, confidence=finding.confidence * (1 - (1 - PART_OF_A_MAP) * doubt))
+
+    return {m: f if m.unexplained else doubted(f) for m, f in said.items()}
 
 
 def _map_beside(finding: Finding, last: Scan) -> float:

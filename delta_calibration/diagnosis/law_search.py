@@ -318,7 +318,7 @@ def _holds(
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
     parts = [part for part in every if learnable(evidence, columns, part).all()]
-    shares = [foretold(evidence, columns, free, part) for part in parts]
+    shares = [foretold(evidence, columns, free, part).share for part in parts]
     if not shares or min(shares) < LAW_FORETOLD:
         return False
     beside = evidence.beside(columns, np.full(columns.width, PRECISION))

@@ -108,7 +108,7 @@ class Finding:
         """The `most` parameters farthest from zero in standard deviations, in their own order.
 
         Without those that the session does not determine: their standard deviation is larger than
-        any value of that unit.
+        any value of that unit. Of a finding with no other, the clearest one.
         """
 
         def off(name: str) -> float:
@@ -119,7 +119,8 @@ class Finding:
         for e in self.parameters.values():
             largest[e.unit] = max(largest.get(e.unit, 0.0), abs(e.value))
         known = [n for n, e in self.parameters.items() if not (e.std or 0.0) > largest[e.unit]]
-        chosen = sorted(known, key=off, reverse=True)[:most]
+        clear = sorted(self.parameters, key=off, reverse=True)
+        chosen = [name for name in clear if name in known][:most] or clear[:1]
         return {name: e for name, e in self.parameters.items() if name in chosen}
 
     def shape_told(self) -> tuple[str, ...]:
