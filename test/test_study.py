@@ -14,10 +14,34 @@ import pytest
 
 from study.judge import true_value
 from study.page import page
+from study.rivals import compared, judged
 from study.statistics import Rate, calibration_error
 from study.trials import OF_ROBOT, ROBOTS, Task, tasks
 
 COMMAND = "make study"
+
+
+@pytest.mark.parametrize(
+    ("hidden", "named"), [((("tracker_drift", 600.0),), ["tracker_drift"]), ((), [])]
+)
+def test_a_search_by_bic_names_a_strong_cause_and_none_without(hidden, named):
+    task = Task("single", 8800, hidden)
+    assert [one["cause"] for one in judged(task.key)["bic"]] == named
+
+
+def test_names_are_compared_by_what_was_hidden():
+    told = [{"cause": "backlash", "confidence": 0.9}, {"cause": "joint_lag", "confidence": 0.6}]
+    sessions = [
+        {"group": "single", "hidden": {"backlash": 100.0}},
+        {"group": "single", "hidden": {"joint_lag": 50.0}},
+        {"group": "none", "hidden": {}},
+    ]
+    rows = {row[0]: row[1] for row in compared([(one, told) for one in sessions])}
+    of = {name: (rate.held, rate.of) for name, rate in rows.items()}
+    assert of["one cause, name right in the first place, lambda >= 80"] == (1, 1)
+    assert of["one cause, this name and no other, lambda >= 80"] == (0, 1)
+    assert of["one or two causes, a wrong name 80% sure"] == (1, 2)
+    assert of["clean machines, a name"] == (1, 1)
 
 
 def test_no_alarm_in_500_leaves_up_to_three_quarters_of_a_percent():
