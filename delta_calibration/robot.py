@@ -453,6 +453,7 @@ def _schema(data: Document) -> Schema:
 def robot_schema(mechanism: str) -> Schema:
     """Schema of a robot file of a mechanism; of an unknown one, the schema common to all."""
     kind = MECHANISMS.get(mechanism)
+    needed = kind is None or kind.masses_needed
     parts: dict[str, Any] = {
         "schema": {"const": SCHEMA},
         "name": {"type": "string", "pattern": _NAME, "description": _NAMED},
@@ -472,7 +473,7 @@ def robot_schema(mechanism: str) -> Schema:
     return {
         "type": "object",
         "additionalProperties": kind is None,
-        "required": list(parts),
+        "required": [name for name in parts if needed or name != "masses"],
         "properties": {**parts, "workspace": schema_of(Workspace), "camera": schema_of(Sight)},
     }
 

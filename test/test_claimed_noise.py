@@ -55,3 +55,18 @@ def test_a_cause_is_named_in_noise_that_was_claimed_too_small():
     told = diagnose(visited_once(hide({"tracker_drift": 1.0}, 8703)), claimed(3.0), seed=8703)
     assert [f.cause for f in told.verdict.findings] == ["tracker_drift"]
     assert not told.verdict.unknown_structure.found
+
+
+def test_visits_that_agree_support_what_the_file_claims():
+    """Each place has an error of its own that visits repeat: no noise."""
+    seen, rng = visited_once(hide({}, 8704)), np.random.default_rng(4)
+    own = rng.normal(0.0, 15e-6, seen.poses.point.shape)
+    first, again = np.arange(len(own)), np.arange(6)
+    rows = np.concatenate([first, again])
+    poses = seen.poses.take(rows)
+    point = (seen.poses.point + own)[rows]
+    point[len(own) :] += rng.normal(0.0, 5e-6, (len(again), 3))
+    time = poses.time + 60.0 * (np.arange(len(rows)) >= len(own)) * (1 + np.ptp(poses.time) / 60)
+    told = diagnose(replace(seen, poses=replace(poses, point=point, time=time)), ROBOT, seed=8704)
+    assert told.verdict.unknown_structure.found
+    assert not any(FOLLOW_NOTHING in text for text in told.doubts)

@@ -126,7 +126,8 @@ def same_effects(robot: Robot, model: str | None):
         if hasattr(effect, SENSOR):
             effect = replace(effect, sensor=effect.part)
             value = np.full(len(effect.parameters), 20e-6)
-        live = effect.cause not in OF_READINGS and machine(robot, model, [effect], [value]).live
+        known = effect.cause not in OF_READINGS and not effect.lacking
+        live = known and machine(robot, model, [effect], [value]).live
         if live:
             effects.append(effect)
             values.append(value)

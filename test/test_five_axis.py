@@ -163,7 +163,7 @@ def test_the_chain_of_measurement_takes_the_machine_as_it_is():
 
 def test_a_screw_of_wrong_pitch_moves_each_slider_in_proportion():
     chain, theta = cell()
-    pitch = SliderPitch(load_robot("srbd"), MACHINE)
+    pitch = SliderPitch(load_robot("five_axis"), MACHINE)
     assert pitch.parameters.names == ("pitch_1", "pitch_2", "pitch_3", "pitch_4")
     q = MACHINE.inverse(poses(5, seed=9), NOMINAL)
     s = np.array([40e-6, -30e-6, 20e-6, 70e-6])

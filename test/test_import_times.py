@@ -26,6 +26,10 @@ def poses_of(folder):
     return collect(read_session(folder), SRBD.joints.names)
 
 
+def assumed(folder):
+    return read_session(folder).assumed_interval
+
+
 def test_assumed_times_are_said_by_every_verb(cell, capsys, tmp_path):
     folder, head, rows = cell
     out = imported(folder, head, rows, mapping_of())
@@ -37,24 +41,24 @@ def test_assumed_times_are_said_by_every_verb(cell, capsys, tmp_path):
     assert ASSUMED in (tmp_path / "c.yaml").read_text().replace("\n", " ")
     assert run(["info", str(out)]) == 0
     assert "assumed row interval s: 10" in capsys.readouterr().out
-    assert poses_of(out).assumed_interval == 10.0
+    assert assumed(out) == 10.0
 
 
 def test_a_stated_interval_is_no_assumption(cell, capsys):
     folder, head, rows = cell
-    poses = poses_of(imported(folder, head, rows, mapping_of(row_interval_s=38)))
+    out = imported(folder, head, rows, mapping_of(row_interval_s=38))
     assert ASSUMED not in capsys.readouterr().out
-    assert poses.assumed_interval is None
-    np.testing.assert_allclose(np.diff(poses.time), 38.0, atol=1e-6)
+    assert assumed(out) is None
+    np.testing.assert_allclose(np.diff(poses_of(out).time), 38.0, atol=1e-6)
 
 
 def test_measured_times_are_no_assumption(cell, capsys):
     folder, head, rows = cell
     timed = [[str(5 * k), *row] for k, row in enumerate(rows, 1)]
     mapping = mapping_of(time={"column": "t", "unit": "s"})
-    poses = poses_of(imported(folder, ["t", *head], timed, mapping))
+    out = imported(folder, ["t", *head], timed, mapping)
     assert ASSUMED not in capsys.readouterr().out
-    assert poses.assumed_interval is None
+    assert assumed(out) is None
 
 
 def test_rows_that_are_left_out_take_their_time(cell):

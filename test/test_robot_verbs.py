@@ -467,7 +467,7 @@ def test_an_arm_of_a_urdf_is_the_same_arm(tmp_path: Path) -> None:
 
 
 def test_a_planar_arm_of_three_joints_is_drafted_and_calibrated(tmp_path: Path) -> None:
-    """Three vertical axes, 0.4 m, 0.3 m and 0.2 m: measured by a point, it recovers a zero."""
+    """Three vertical axes, 0.4 m, 0.3 m and 0.2 m: it is simulated, fitted and compensated."""
     from delta_calibration.cli.main import run as cli
 
     rows = [

@@ -19,9 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from delta_calibration.diagnosis.candidates import Candidate, dimensions, subsets
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    all_columns,
+    bounds_of,
+    dimensions,
+    subsets,
+)
 from delta_calibration.diagnosis.fitted import beside, gains_of
 from delta_calibration.diagnosis.linear_model import LinearizedModel
+from delta_calibration.diagnosis.scores import decrease, most_likely
 from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.effects import Effect
 
@@ -106,8 +113,15 @@ def _price(evidence: LinearizedModel, candidate: Candidate) -> float:
 
 
 def _bic(evidence: LinearizedModel, terms: Sequence[Candidate]) -> float:
-    with_terms = beside(evidence, terms)
-    return with_terms.cost(with_terms.best()) + sum(_price(evidence, term) for term in terms)
+    """BIC of some terms less that of none, with values within their bounds."""
+    if not terms:
+        return 0.0
+    columns = all_columns(terms, evidence)
+    information = evidence.information_of(columns)
+    along = columns.along(evidence.weigh(evidence.column))[:, 0]
+    lower, upper = (np.concatenate(ends) for ends in zip(*map(bounds_of, terms), strict=True))
+    value = most_likely(information, along, lower, upper)
+    return sum(_price(evidence, term) for term in terms) - decrease(information, along, value)
 
 
 def _without_the_useless(

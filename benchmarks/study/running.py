@@ -27,13 +27,13 @@ def outcomes(
         workers: of a cluster of this machine; the number of cores if not given.
         scheduler: address of a Dask cluster to use instead.
     """
-    wanted = list(dict.fromkeys(keys))
+    wanted = dict.fromkeys(keys)
     known = {line["key"] for line in lines(out)}
     todo = [key for key in wanted if key not in known]
     if todo:
         _cut_to_whole_lines(out)
         _run(todo, work, out, scheduler, workers)
-    return [line for line in lines(out) if line["key"] in set(wanted)]
+    return [line for line in lines(out) if line["key"] in wanted]
 
 
 def lines(path: Path) -> list[dict[str, Any]]:

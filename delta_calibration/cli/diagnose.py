@@ -131,6 +131,9 @@ def command(
         click.echo(f"warning: {text}")
     if verbose:
         click.echo(tried(found, robot.named))
+    if out is not None and not (refusing and checked.found):
+        save_calibration(out, found.identification, robot, seen.poses)
+        click.echo(f"written: {out}")
     if json_file is not None:
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")
@@ -144,9 +147,6 @@ def command(
         click.echo(f"written: {report_file}")
     if refusing:
         require_no_mistake(recorded, checked)
-    if out is not None:
-        save_calibration(out, found.identification, robot, seen.poses)
-        click.echo(f"written: {out}")
 
 
 def write_law(path: Path, found: Diagnosis, session: str) -> list[str]:

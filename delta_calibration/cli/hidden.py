@@ -55,8 +55,8 @@ def _kind(effect: Effect) -> tuple[str, str]:
 
 def _courses(hidden: Effect, found: Sequence[Effect]) -> list[str]:
     """Line that says how the courses of one cause differ; none if they do not."""
-    others = [effect.follows for effect in found if effect.cause == hidden.cause]
-    if not others or hidden.follows in others:
+    others = list(dict.fromkeys(e.follows for e in found if e.cause == hidden.cause))
+    if not others or hidden.follows in others or not all((hidden.follows, *others)):
         return []
     return [
         f"{spoken(hidden.cause)}: the cause is the same; it is hidden as {hidden.follows} and "

@@ -60,7 +60,6 @@ class Poses:
     duration: float  # [s]
     rejected: Rejected
     notes: tuple[str, ...]
-    assumed_interval: float | None = None  # [s] from row to row, if no times were recorded
 
     def __len__(self) -> int:
         return len(self.time)
@@ -221,7 +220,6 @@ def _poses(
         duration=float(readings.time[-1] - readings.time[0]),
         rejected=readings.rejected,
         notes=readings.notes,
-        assumed_interval=session.assumed_interval,
     )
 
 

@@ -44,8 +44,9 @@ class HeldOut:
 class Foretold:
     """How well columns predict parts of the data that their values were not fitted to."""
 
-    share: float  # of all chi square that they explain; 1 if only noise is in the way
-    of_parts: float  # of what they explain of the parts with values fitted to everything
+    gain: float  # decrease of chi square of all parts, each predicted with values of the others
+    share: float  # of the decrease by a fit to everything; 1 if only noise is in the way
+    of_parts: float  # of the same sum with values fitted to everything; 1 if the values agree
 
 
 @dataclass(frozen=True)
@@ -164,10 +165,9 @@ def foretold(
 
         sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
 
-    Where mainly the priors of dimensions speak for the columns, as nothing else holds what they
-    explain within its tolerance, any parts show it and each of them adds little. Then the second
-    share tells whether the others determine the values: it is over the same sum with values
-    fitted to everything.
+    Where dimensions could do the same, but only far beyond their tolerances, mainly the priors
+    speak for the columns: some parts show it as well as all, and each adds little. `of_parts`, the
+    sum over the same sum with values fitted to everything, then tells whether values agree.
 
     Args:
         evidence: of all samples.
@@ -191,7 +191,8 @@ def foretold(
     each = _without_each(evidence, columns, part, predicted)
     total, of_parts = np.sum(each, axis=0).tolist() if each else (0.0, 0.0)
     wholes = change(information, b, value), of_parts
-    return Foretold(*(total / whole if whole > 0.0 else 0.0 for whole in wholes))
+    share, agreed = (total / whole if whole > 0.0 else 0.0 for whole in wholes)
+    return Foretold(total, share, agreed)
 
 
 def _along(evidence: LinearizedModel, columns: Columns) -> Array:

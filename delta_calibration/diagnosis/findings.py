@@ -157,8 +157,11 @@ class HeldOutModels:
         value = model.scaled(term)
         signal = float(value @ evidence.information_of(columns) @ value)
         plain = signal >= NAMED and model.misfit <= LACKING
-        shares = [foretold(evidence, columns, bounds, each, alike) for each in parts]
-        foreseen = min(max(s.share, plain * s.of_parts) for s in shares)
+        each = [foretold(evidence, columns, bounds, one, alike) for one in parts]
+        by_values = plain and model.noise_apart and term.effect is not None
+        foreseen = min(
+            max(f.share, f.of_parts) if by_values and f.gain >= NAMED else f.share for f in each
+        )
         if foreseen < FORETOLD and term.effect is not None:
             return None
         before, after = self.terms(rest, part), self.terms(model.terms, part)

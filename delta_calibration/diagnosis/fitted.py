@@ -132,12 +132,12 @@ class Fitted(ABC):
         """The fit with less noise, if the causes found explain a part of the estimated noise."""
 
     @property
-    def claimed(self) -> bool:
-        """Whether the robot file states the noise of poses and no visits tested it."""
-        return False
+    def most_louder(self) -> float:
+        """Largest factor on the noise that is possible; 1 if the noise is known."""
+        return 1.0
 
     def louder(self, factor: float) -> Fitted:
-        """The fit with its noise, which is only `claimed`, times a factor."""
+        """The fit with its noise times a factor, but no less than it was at first."""
         raise NotImplementedError(f"the noise of {type(self).__name__} times {factor:.3g}")
 
     def loosened(self, scatter: float) -> Fitted:

@@ -44,7 +44,7 @@ from delta_calibration.diagnosis.identifiability import unseen
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
 from delta_calibration.diagnosis.model_selection import worth_it
-from delta_calibration.diagnosis.name_checks import signal_of, untrusted
+from delta_calibration.diagnosis.name_checks import in_the_shadow, signal_of, untrusted
 from delta_calibration.diagnosis.residual_tests import ResidualTests, audit
 from delta_calibration.diagnosis.scan import Scan, scanned
 from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
@@ -119,21 +119,20 @@ def judged(
         found, held, said = _borne_out(named, start, effects, rng, maps)
         if said:  # a map that does not predict held-out data still shows remaining structure
             found = replace(found, last=scanned(found.model, effects, rng))
-            said = _in_part(said, found.last)
     found, held, said = _less_than_a_law(found, held, said, effects, rng)
-    terms = found.model.terms
-    findings = [f for m, f in said.items() if not m.unexplained]
     step(STEPS[3])
     aside = Aside.of(found.model, rng)
     left = _audited(found.model, rng)
-    doubtful = not findings or any(_in_doubt(f, found.last) for f in findings)
+    names = {m: f for m, f in said.items() if not m.unexplained}
+    doubtful = not names or any(_in_doubt(f, found.last) for f in names.values())
     unknown = _unknown(found, sought.model, left, aside, doubtful)
-    if not unknown.found and len(findings) < len(terms):  # a map that is not stated is not used
-        plain = _plain(found.model).rested() if findings else start
-        found, held = replace(found, model=plain), HeldOutModels(plain)
-        said = {m: f for m, f in said.items() if not m.unexplained}
+    if not unknown.found and len(names) < len(said):  # a map that is not stated is not used
+        plain = _plain(found.model).rested() if names else start
+        found, held, said = replace(found, model=plain), HeldOutModels(plain), names
         left = _audited(plain, rng)
         unknown = _unknown(found, plain, left, aside, doubtful)
+    said = _in_part(said, found)
+    findings = [f for m, f in said.items() if not m.unexplained]
     laws: tuple[Likely, ...] = ()
     if unknown.found:
         laws, equations = _laws(found.model, effects[0], rng)
@@ -170,21 +169,26 @@ def _in_louder_noise(
 ) -> tuple[Fitted, SearchResult]:
     """The start and the result of a search in the noise that the residuals show, where needed.
 
-    The noise of the robot file is a claim. If no visits have tested it, and what is left is larger
+    The noise of the robot file is a claim. If visits do not contradict, and what is left is larger
     but follows nothing, the claim is wrong, and the terms found by it may explain noise. Then all
-    residuals count as noise at first, and less of them as causes are found in it.
+    residuals count as noise at first, and less of them as causes are found in it. If that hides
+    something that residuals follow, the claim stands.
     """
-    if not start.claimed or shown(_tests(sought.model, rng).p) != (LACK_OF_FIT,):
+    if start.most_louder <= 1.0 or shown(_tests(sought.model, rng).p) != (LACK_OF_FIT,):
         return start, sought
-    louder = start.louder(_tests(start, rng).ratio)
-    sought = find(louder, effects, rng)
+    ratio = _tests(start, rng).ratio
+    if not ratio <= start.most_louder:
+        return start, sought
+    louder = start.louder(ratio)
+    found = find(louder, effects, rng)
     for _ in range(MOST):
-        less = _tests(sought.model, rng).ratio
-        if less > QUIETER:
+        left = _tests(found.model, rng)
+        if not left.ratio <= QUIETER:
             break
-        louder = louder.louder(less)
-        sought = find(louder, effects, rng, sought.model.terms)
-    return louder, sought
+        louder = louder.louder(left.ratio)
+        found = find(louder, effects, rng, found.model.terms)
+    follows = set(shown(left.p)) - {LACK_OF_FIT}
+    return (start, sought) if follows else (louder, found)
 
 
 def _sought_again(
@@ -309,7 +313,7 @@ def _borne_out(
             better = _beside_what_holds(found)
             gone += tuple(m for m in said if not _among(better, m))
         if better == tuple(said):
-            return found, held, _in_part(said, found.last)
+            return found, held, said
         found = replace(found, model=found.model.fitted(better))
 
 
@@ -327,18 +331,22 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
     return any(one.same_cause(term) for term in terms)
 
 
-def _in_part(said: Mapping[Candidate, Finding], last: Scan) -> dict[Candidate, Finding]:
+def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Candidate, Finding]:
     """Findings, with less confidence the likelier a map is that they may be a part of.
 
-    One is a map in the model that explains more than they do.
+    One is a map in the model that explains more than a cause, if it could make the cause's signal,
+    or if the cause does not clearly improve the prediction of held-out data.
     """
+    maps = [term for term in found.model.terms if term.unexplained]
     larger = max((f.signal for m, f in said.items() if m.unexplained), default=0.0)
 
-    def doubted(finding: Finding) -> Finding:
-        doubt = 1.0 if larger > finding.signal else _map_beside(finding, last)
+    def doubted(term: Candidate, finding: Finding) -> Finding:
+        vague = finding.signal < larger and not finding.gain_low > 0.0
+        shadowed = vague or any(in_the_shadow(found.model, term, other) for other in maps)
+        doubt = 1.0 if shadowed else _map_beside(finding, found.last)
         return replace(finding, confidence=finding.confidence * (1 - (1 - PART_OF_A_MAP) * doubt))
 
-    return {m: f if m.unexplained else doubted(f) for m, f in said.items()}
+    return {m: f if m.unexplained else doubted(m, f) for m, f in said.items()}
 
 
 def _map_beside(finding: Finding, last: Scan) -> float:

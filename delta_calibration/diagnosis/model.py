@@ -76,7 +76,13 @@ class Model(Fitted):
     @property
     def noise_degrees(self) -> float:
         """Degrees of freedom of the noise estimate; infinite if the robot file states it."""
-        return self.cell.noise_degrees if self.noise_apart else self.evidence.degrees
+        if self.noise_apart:
+            return self.cell.noise_degrees
+        return self.memo.of("noise_degrees", self._degrees_of_poses)
+
+    def _degrees_of_poses(self) -> float:
+        """Degrees of freedom of the poses' residuals, which the noise follows from."""
+        return self.evidence.take(np.arange(self.evidence.poses)).degrees
 
     @property
     def noise_apart(self) -> bool:
@@ -177,12 +183,13 @@ class Model(Fitted):
         return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     @property
-    def claimed(self) -> bool:
-        """Whether the robot file states the noise of poses and no visits tested it."""
-        return not self.cell.noise.measured
+    def most_louder(self) -> float:
+        """Largest factor on the noise: 1 if it was measured, else what a few visits allow."""
+        noise = self.cell.noise
+        return 1.0 if noise.measured else noise.most
 
     def louder(self, factor: float) -> Model:
-        """The fit with its noise, which is only `claimed`, times a factor."""
+        """The fit with its noise times a factor, but no less than the robot file states."""
         parts = (replace(m, given=m.whiten / factor) for m in self.problem.measured)
         problem = replace(self.problem, measured=tuple(parts))
         noise = self.cell.noise.louder(factor)

@@ -30,7 +30,7 @@ def untrusted(model: Fitted) -> tuple[Candidate, ...]:
         if not term.unexplained
         and (
             signal_of(model, term) < REMAINS * remains
-            or any(_in_the_shadow(model, term, other) for other in free if other is not term)
+            or any(in_the_shadow(model, term, other) for other in free if other is not term)
         )
     )
 
@@ -58,8 +58,8 @@ def signal_of(model: Fitted, term: Candidate) -> float:
     return float(signal @ evidence.weigh(signal[:, None])[:, 0])
 
 
-def _in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
-    """Whether a free form explains more than a term and could reproduce most of its signal."""
+def in_the_shadow(model: Fitted, term: Candidate, other: Candidate) -> bool:
+    """Whether a free form or a map explains more than a term and could make most of its signal."""
     rest = tuple(m for m in model.terms if m is not term and m is not other)
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))

@@ -41,6 +41,7 @@ from delta_calibration.effects.signals import (
     Places,
     nominal,
 )
+from delta_calibration.effects.springs import UNWEIGHED
 from delta_calibration.model.chain_constants import FREE_FALL, OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
@@ -119,7 +120,7 @@ class Backlash(Effect):
 
     def intervals(self) -> tuple[Interval, ...]:
         """Friction of the arm, from next to none to twice that of the search."""
-        low, high = _ROUNDING * self.held_by, 2 * self.held_by
+        low, high = _LOWEST * self.held_by, 2 * self.held_by
         return (("held_by", low, high),) if self.held_by else ()
 
     def missing(self, at: Conditions) -> str:
@@ -148,13 +149,19 @@ class Backlash(Effect):
         If a joint is held on one side at all poses, its backlash looks like a zero offset. If the
         payload is not known, neither is the torque, and such backlash was not searched.
         """
-        if not self._heavy or not len(at):
+        if not (self.mechanism.weighed or self._heavy) or not len(at):
             return None
+        if not self._heavy:
+            return self._not_searched(UNWEIGHED, "state the masses in the robot file")
         load = self._load(at)
         side = np.where(np.abs(load) > self._least_load, np.sign(load), 0.0)
         held = np.abs(side.sum(axis=0)) == len(load)
         if not held.any():
-            return self._not_searched(at)
+            return (
+                None
+                if payload_known(at)
+                else self._not_searched(NO_PAYLOAD, "record the payload: its mass and its centre")
+            )
         joints = "every joint"
         if not held.all():
             names = np.array(self.robot.joints.names)[held]
@@ -167,16 +174,12 @@ class Backlash(Effect):
             "measure with the weight balanced or its load reversed (by a spring or counterweight)",
         )
 
-    def _not_searched(self, at: Conditions) -> tuple[str, str, str, str] | None:
-        if payload_known(at):
-            return None
-        return (
-            _HELD,
-            "none",
-            f"{NO_PAYLOAD}, and so neither is the load that may hold the backlash on one side: "
-            "only backlash that follows the direction of motion was searched",
-            "record the payload: its mass and its centre",
+    def _not_searched(self, lacking: str, following: str) -> tuple[str, str, str, str]:
+        because = (
+            f"{lacking}, and so the load is not known that may hold the backlash on one side: "
+            "only backlash that follows the direction of motion was searched"
         )
+        return _HELD, "none", because, following
 
     def wrong(self) -> str:
         """Check `held_by`, and that `width` is empty or has m numbers, none negative."""
@@ -195,4 +198,5 @@ class Backlash(Effect):
 _HELD = "backlash held by weight"
 _LEAST = 1e-9  # [rad of a Delta]
 _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction
+_LOWEST = 1e-6  # lower end of an interval of friction, as a share of its middle
 _ROUNDING = 1e-6  # of the torque of the robot's weight at a lever of a metre

@@ -390,6 +390,11 @@ class Effect(ABC):
         size = self.mechanism.joint_size
         return low * min(1.0, size), high * max(1.0, size)
 
+    @property
+    def lacking(self) -> str:
+        """What the robot file does not state but the effect needs; empty if it states all."""
+        return ""
+
     def missing(self, at: Conditions) -> str:
         """Reason why the effect cannot be evaluated under these conditions; empty if it can."""
         if "payload" in self.needs and not payload_known(at):

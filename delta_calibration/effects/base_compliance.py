@@ -33,6 +33,7 @@ from delta_calibration.effects.base import Array, Effect, Interval, Limits, Stag
 from delta_calibration.effects.regressor import Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import REPAIR, Remedy
 from delta_calibration.effects.signals import REACTION
+from delta_calibration.effects.springs import WeightEffect
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model.symbols import Symbol, column
 from delta_calibration.parameters import ParameterSet
@@ -45,11 +46,10 @@ _SOFTEST = 2e-5  # [m/N] 50 kg at 5 Hz: typical of vibration isolators (Rivin 20
 # [m] from base or platform down to the feet: on a plate beneath, on a table, on the floor
 _BELOW = (0.15, 0.5, 1.5)
 _RADII = (0.25, 0.5, 1.0)  # [m] of a pedestal, a table, a portal around the workspace
-_UNWEIGHED = "the robot file states no masses"
 
 
 @dataclass(frozen=True)
-class BaseCompliance(Effect):
+class BaseCompliance(WeightEffect):
     """Elastic compliance of the feet that the base, or its frame, stands on."""
 
     cause: ClassVar[str] = "base_compliance"
@@ -123,19 +123,7 @@ class BaseCompliance(Effect):
         """Depth of the platform at home below the base's origin, at least 0 [m]."""
         model = self.mechanism
         x = model.forward(model.home[None], model.parameters.nominal)
-        return float(max(0.0, -x[0, 2]))
-
-    def missing(self, at: Conditions) -> str:
-        """Also masses that the robot file does not state (`mass_kg` of an arm's links)."""
-        if not self.mechanism.weights(self.robot.masses).any():
-            return _UNWEIGHED
-        return super().missing(at)
-
-    def remedied(self, lacking: str) -> str:
-        """Advice to state the masses, if these are missing."""
-        if lacking == _UNWEIGHED:
-            return "state the masses in the robot file (mass_kg of each link, if it is an arm)"
-        return super().remedied(lacking)
+        return float(max(0.0, -model.position(x)[0, 2]))
 
     def regressor(self, at: Conditions) -> Regressor:
         """Moment of the nominal machine that tilts the base."""

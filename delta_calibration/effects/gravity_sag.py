@@ -59,7 +59,7 @@ class GravitySag(Effect):
     def suits(self) -> bool:
         """Whether it is an arm without stated masses and with an axis that is not upright."""
         arm = self.mechanism
-        if not isinstance(arm, SerialArm) or any(link.mass for link in arm.dimensions.links):
+        if not isinstance(arm, SerialArm) or arm.heavy(self.robot.masses):
             return False
         return any(abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links)
 
@@ -68,7 +68,7 @@ class GravitySag(Effect):
         """Reason: no arm, an arm with stated masses, or only upright axes, free of weight."""
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
-        if any(link.mass for link in self.mechanism.dimensions.links):
+        if self.mechanism.heavy(self.robot.masses):
             return "the masses of its links are stated: the stiffness itself can be identified"
         return "all its axes are vertical and carry no weight"
 

@@ -35,7 +35,7 @@ class ReducerCompliance(DriveCompliance):
     def suits(self) -> bool:
         """Whether the mechanism has links of known mass."""
         arm = self.mechanism
-        return isinstance(arm, SerialArm) and any(link.mass for link in arm.dimensions.links)
+        return isinstance(arm, SerialArm) and arm.heavy(self.robot.masses)
 
     @property
     def unsuited(self) -> str:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
+from delta_calibration.data import Conditions
 from delta_calibration.effects.base import Effect, Stage
 from delta_calibration.effects.signals import GRAVITY, INERTIA
 from delta_calibration.mechanisms.delta_leg import DeltaModel
@@ -20,8 +21,31 @@ from delta_calibration.parameters import ParameterSet
 GIVE, MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] compliance 1/k of a drive: expected, and largest
 
 
+UNWEIGHED = "the robot file states no masses"
+
+
 @dataclass(frozen=True)
-class LoadEffect(Effect):
+class WeightEffect(Effect):
+    """Base of the effects of loads that follow from the masses of moving parts."""
+
+    @property
+    def lacking(self) -> str:
+        """Masses that the robot file does not state (`mass_kg` of an arm's links)."""
+        return "" if self.mechanism.heavy(self.robot.masses) else UNWEIGHED
+
+    def missing(self, at: Conditions) -> str:
+        """Also what the robot file lacks."""
+        return self.lacking or super().missing(at)
+
+    def remedied(self, lacking: str) -> str:
+        """Advice to state the masses, if these are missing."""
+        if lacking == UNWEIGHED:
+            return "state the masses in the robot file (mass_kg of each link, if it is an arm)"
+        return super().remedied(lacking)
+
+
+@dataclass(frozen=True)
+class LoadEffect(WeightEffect):
     """Base of the effects of the loads of drives that push as well as pull."""
 
     needs: ClassVar[tuple[str, ...]] = ("payload",)

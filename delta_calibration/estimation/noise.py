@@ -58,20 +58,24 @@ class Noise:
     freedom: float = np.inf  # degrees of freedom of the repeatability; inf: as filed
     in_proportion: bool = False  # one factor for tracker and joints: visits did not part the two
     raised: float = 1.0  # factor on the filed noise by residuals, see `louder`
+    most: float = np.inf  # largest factor on the filed noise that a few visits allow
 
     def louder(self, factor: float) -> Noise:
         """The noise times a factor: residuals without order exceed noise that was never measured.
 
+        It is not reduced below that of the robot file.
+
         Args:
             factor: root mean square of the residuals over that of this noise.
         """
+        factor = max(factor, 1.0 / self.raised)
         return replace(
             self,
             radial_scale=factor * self.radial_scale,
             transverse_scale=factor * self.transverse_scale,
             repeatability=factor * self.repeatability,
             floor=factor * self.floor,
-            raised=factor * self.raised,
+            raised=max(1.0, factor * self.raised),
         )
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
@@ -127,7 +131,8 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     if few:
         visits = _visits(poses.point, place, _plain_course(poses, place, slope))
     degrees = visits.degrees
-    stated = replace(filed, floor=float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean())))
+    floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
+    stated = replace(filed, floor=floor, most=_most(_visits(poses.point, place), covariance))
     if 3 * degrees < _ENOUGH:
         return stated
     if few and (radial, transverse) == _AS_FILED:
@@ -148,6 +153,22 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     found = Noise(radial, transverse, best.sigma, visits.floor, degrees, True, best.freedom)
     less = few and _hardly_less(best.sigma, filed.repeatability, best.freedom)
     return stated if less else found
+
+
+def _most(visits: _Visits, covariance: Array) -> float:
+    """Largest factor on the noise that the deviations of visits allow (95 %); inf without any.
+
+    All that changes between two visits counts as noise.
+
+    Args:
+        visits: of places, gross errors in places of their own.
+        covariance: of each pose, (n, 3, 3).
+    """
+    degrees = 3.0 * visits.degrees
+    white = (whitening(covariance) @ visits.deviation[..., None])[..., 0]
+    if not degrees:
+        return np.inf
+    return float(np.sqrt(np.sum(white**2) / degrees)) * interval_of(degrees)[1]
 
 
 def _hardly_less(found: float, stated: float, freedom: float) -> bool:

@@ -78,6 +78,7 @@ class Mechanism(ABC):
     Dimensions: ClassVar[type[Any]]
     Tolerances: ClassVar[type[Any]]
     Masses: ClassVar[type[Any] | None] = None
+    masses_needed: ClassVar[bool] = True  # whether a robot file must state the masses
     joint_unit: ClassVar[str] = "rad"  # or "m" if the joints slide
     limb: ClassVar[str] = "joint"  # word for a location, followed by its number: "joint_1"
     commanded: ClassVar[str] = ""  # simpler model that its controller uses, if not this one

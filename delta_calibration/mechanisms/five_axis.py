@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from delta_calibration.mechanisms.base import Limb, Mechanism
 from delta_calibration.model.symbols import Symbol, column, cos, rows, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import as_written, length, place, refused, tolerance
+from delta_calibration.sections import as_written, length, mass, place, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -77,6 +77,20 @@ class FiveAxisTolerances:
     )
 
 
+@dataclass(frozen=True)
+class FiveAxisMasses:
+    """Moving masses of a five-axis machine."""
+
+    platform: float = mass(about="platform with everything mounted on it, at its centre")
+    slider: float = mass(about="one slider")
+    strut: float = mass(about="one strut")
+
+    @property
+    def on_platform(self) -> float:
+        """Mass at the platform in a one-mass model: the platform and half of each strut [kg]."""
+        return self.platform + STRUTS / 2 * self.strut
+
+
 class FiveAxis(Mechanism):
     """Struts on sliders carry a platform that moves in the plane x = 0 and turns about x and y.
 
@@ -99,6 +113,8 @@ class FiveAxis(Mechanism):
     name: ClassVar[str] = "five_axis"
     Dimensions = FiveAxisDimensions
     Tolerances = FiveAxisTolerances
+    Masses = FiveAxisMasses
+    masses_needed: ClassVar[bool] = False
     joint_unit: ClassVar[str] = "m"
     home_is: ClassVar[str] = "the level platform at geometry.height_mm"
     joint_size: float = 0.3
@@ -151,6 +167,27 @@ class FiveAxis(Mechanism):
     def equation(q: Symbol, x: Symbol, g: Symbol, c: Symbol) -> Symbol:
         """Squared length of one strut minus that of its parameter [m^2]."""
         return square(_strut(q, x, g, c)) - g[LENGTH] ** 2
+
+    @staticmethod
+    def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Positions of the platform's centre, the sliders, and ends and middles of struts [m]."""
+        sliders = [g[i][SLIDER] + column(0, 0, q[i]) for i in range(STRUTS)]
+        vectors = [_strut(q[i], x, g[i], c[i]) for i in range(STRUTS)]
+        pairs = list(zip(sliders, vectors, strict=True))
+        ends, middles = ([at + share * v for at, v in pairs] for share in (1.0, 0.5))
+        return column(0, x[0], x[1], *sliders, *ends, *middles)
+
+    def weights(self, masses: FiveAxisMasses | None) -> Array:
+        """Point masses of the platform, the sliders, and at ends and middles of struts [kg].
+
+        A strut has a sixth of its mass at either end and the rest in the middle: by Simpson's
+        rule it has the weight, the centre and the inertia of a uniform rod.
+        """
+        if masses is None:
+            return np.zeros(1 + 3 * STRUTS)
+        end = masses.strut / 6
+        each = masses.slider + end, end, 4 * end
+        return np.array([masses.platform, *np.repeat(each, STRUTS)])
 
     @staticmethod
     def reaching(x: Symbol, g: Symbol, c: Symbol) -> Symbol:

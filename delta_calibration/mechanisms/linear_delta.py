@@ -14,7 +14,7 @@ from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
 from delta_calibration.mechanisms.stands import require_apart
 from delta_calibration.model.symbols import Symbol, column, cos, dot, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
-from delta_calibration.sections import angle, as_written, length, refused, tolerance
+from delta_calibration.sections import angle, as_written, length, mass, refused, tolerance
 
 Array = NDArray[np.float64]
 
@@ -67,6 +67,20 @@ class LinearDeltaTolerances:
     )
 
 
+@dataclass(frozen=True)
+class LinearDeltaMasses:
+    """Moving masses of a linear Delta."""
+
+    platform: float = mass(about="platform with everything permanently mounted on it")
+    carriage: float = mass(about="one carriage")
+    rod: float = mass(about="one rod; each arm is a pair of rods")
+
+    @property
+    def on_platform(self) -> float:
+        """Mass at the platform in a one-mass model: the platform and half of each rod [kg]."""
+        return self.platform + TOWERS * self.rod
+
+
 class LinearDelta(Mechanism):
     """Carriages on towers, each with an arm (a parallelogram) to the platform.
 
@@ -90,6 +104,8 @@ class LinearDelta(Mechanism):
     name: ClassVar[str] = "linear_delta"
     Dimensions = LinearDeltaDimensions
     Tolerances = LinearDeltaTolerances
+    Masses = LinearDeltaMasses
+    masses_needed: ClassVar[bool] = False
     joint_unit: ClassVar[str] = "m"
     home_is: ClassVar[str] = "half of geometry.height_mm"
     joint_size: float = 0.3
@@ -128,6 +144,27 @@ class LinearDelta(Mechanism):
         """|x - c_i|^2 - L_i^2 of one tower [m^2]."""
         del c
         return square(x - _carriage(q, g)) - g[ARM] ** 2
+
+    @staticmethod
+    def masses(x: Symbol, q: Symbol, g: Symbol, c: Symbol) -> Symbol:
+        """Positions of the platform, the carriages and the middles of the arms [m].
+
+        Carriages are shifted inward by the platform's radius, as in the closure.
+        """
+        del c
+        carriages = [_carriage(q[tower], g[tower]) for tower in range(TOWERS)]
+        return column(x, *carriages, *((carriage + x) / 2 for carriage in carriages))
+
+    def weights(self, masses: LinearDeltaMasses | None) -> Array:
+        """Point masses at the platform, the carriages and the middles of the arms [kg].
+
+        A rod has a sixth of its mass at either end and the rest in the middle: by Simpson's rule
+        it has the weight, the centre and the inertia of a uniform rod.
+        """
+        if masses is None:
+            return np.zeros(1 + 2 * TOWERS)
+        carriage, pair = masses.carriage + masses.rod / 3, 4 / 3 * masses.rod
+        return np.array([masses.platform + masses.rod, *TOWERS * (carriage,), *TOWERS * (pair,)])
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:

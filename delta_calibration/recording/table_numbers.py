@@ -73,7 +73,6 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     """
     source = read_source(path, mapping.names, mapping.form, mapping.join)
     rows, notes = list(source.rows), list(source.notes)
-    number = {id(row): k for k, row in enumerate(rows, 1)}  # rows left out take their time too
     if mapping.skip_missing:
         whole = [row for row in rows if all(_filled(row, name) for name in mapping.names)]
         if len(whole) < len(rows):
@@ -107,7 +106,7 @@ def read_numbers(path: Path, mapping: TableMapping, sigma: float) -> TableNumber
     numbers = TableNumbers(
         file=path,
         rows=tuple(rows),
-        time=_times(rows, mapping, np.array([number[id(row)] for row in rows])),
+        time=_times(rows, mapping),
         command=_columns(rows, mapping.commands),
         encoder=_columns(rows, mapping.encoders) if mapping.encoders else None,
         position=position,
@@ -165,12 +164,15 @@ def _columns(rows: Sequence[Row], columns: Sequence[Column]) -> Array:
     return np.asarray((scale * raw + offset) * factor)
 
 
-def _times(rows: Sequence[Row], mapping: TableMapping, number: NDArray[np.int64]) -> Array:
-    """Times of the rows, (n,) [s]; at equal steps by their `number` if the table has no times."""
+def _times(rows: Sequence[Row], mapping: TableMapping) -> Array:
+    """Times of the rows, (n,) [s]; at equal steps if the table has none.
+
+    Rows that were left out, or had no partner in another file, take their time too.
+    """
     column = mapping.time
     if column is None:
         step = mapping.row_interval or STOP
-        time = np.asarray(step * number, dtype=np.float64)
+        time = step * np.array([row.line - rows[0].line + 1.0 for row in rows])
         if time[-1] >= _LATEST:
             raise InputError(
                 f"{rows[-1].file}: {len(rows)} rows, {step:g} s apart, end at "

@@ -65,11 +65,12 @@ def noise_table(noise: Noise, poses: Poses, robot: Robot) -> Table:
         ("repeatability of the joints [µrad]", UM * repeat, noise.repeatability / repeat),
     ]
     measured = [(n, figures(s), figures(s * f), f"{f:.2f}") for n, s, f in rows]
-    origin = (
-        f"from repeats, {noise.degrees} degrees of freedom"
-        if noise.measured
-        else ("computed from the specification: too few repeats")
-    )
+    if noise.measured:
+        origin = f"from repeats, {noise.degrees} degrees of freedom"
+    elif noise.raised > 1.0:
+        origin = "from the residuals, which follow nothing: too few repeats"
+    else:
+        origin = "computed from the specification: too few repeats"
     return Table(
         "noise_table",
         "Noise in numbers",

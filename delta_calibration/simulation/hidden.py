@@ -55,7 +55,7 @@ class Hidden:
 
 def hideable_causes(robot: Robot, chain: Chain) -> tuple[str, ...]:
     """Causes that can be hidden in a machine."""
-    effects = (effect.cause for effect in catalogue(robot, chain.mechanism))
+    effects = (e.cause for e in catalogue(robot, chain.mechanism) if not e.lacking)
     return tuple(dict.fromkeys((*dimension_causes(chain), *effects)))
 
 
@@ -113,6 +113,8 @@ def _require_place(robot: Robot, chain: Chain, cause: str, options: Options) -> 
 def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
     """Return the effect with the settings among the options, or with its usual settings."""
     plain = effect_named(cause, robot, chain.mechanism, {})
+    if plain.lacking:
+        raise InputError(f"effect {cause}: {plain.lacking}")
     # A setting that is an array cannot be an option: it goes with the values.
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
     places = [LOCATION] if any(p.location for p in plain.parameters) else []
