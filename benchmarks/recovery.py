@@ -105,7 +105,7 @@ def tasks(robots: list[str], causes: list[str], seeds: int) -> list[tuple[str, s
     for name in robots or known_robots():
         robot = load_robot(name)
         for effect in catalogue(robot, robot.detailed):
-            if effect.suits and (not causes or effect.cause in causes):
+            if not effect.lacking and (not causes or effect.cause in causes):
                 found += [(name, effect.cause, FIRST_SEED + i) for i in range(seeds)]
     return list(dict.fromkeys(found))
 

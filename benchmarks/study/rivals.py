@@ -40,7 +40,7 @@ Names = Sequence[Mapping[str, Any]]
 
 _GROUPS = ("none", "single", "dimension", "pair")  # of the sessions for training
 _SHAPES = 20  # of each effect, from which it is learned what a cause explains alone
-_A_SHARE = 800  # sessions of these groups in a whole study
+_STUDIES = 2.0  # from which sessions for training are taken, the first ones of these groups
 
 
 def judged(key: str) -> dict[str, Any]:
@@ -77,7 +77,7 @@ def _begun(key: str, search: Callable[..., Any] | None) -> dict[str, Any]:
 
 @click.command(context_settings={"help_option_names": ["-h", "--help"]})
 @click.argument("study", type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option("--train", type=click.IntRange(100), default=1000, show_default=True)
+@click.option("--train", type=click.IntRange(100, 1500), default=1000, show_default=True)
 @click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Of training.")
 @click.option("--workers", type=click.IntRange(1), help="[default: number of cores]")
 @click.option(
@@ -97,8 +97,7 @@ def rivals(
     """
     known = {line["key"]: line for line in lines(study) if line["robot"] == "srbd"}
     same = outcomes(known, judged, out, workers)
-    drawn = (t for t in tasks(seed, max(0.05, train / _A_SHARE * 1.5)) if t.group in _GROUPS)
-    keys = [task.key for task in drawn][:train]
+    keys = [task.key for task in tasks(seed, _STUDIES) if task.group in _GROUPS][:train]
     if set(keys) & set(known):
         raise click.BadParameter(
             "is that of the study: sessions would be known", param_hint="--seed"

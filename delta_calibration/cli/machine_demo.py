@@ -149,7 +149,7 @@ def _shown(robot: Robot) -> tuple[str, Demo]:
     Raises:
         DataError: no effect that the robot can have has a demonstration.
     """
-    effects = catalogue(robot, robot.detailed)
+    effects = [e for e in catalogue(robot, robot.detailed) if not e.lacking]
     shown = [(effect.cause, effect.demo) for effect in effects if effect.demo is not None]
     if not shown:
         raise DataError(f"robot {robot.name}: no effect that it can have has a demonstration")

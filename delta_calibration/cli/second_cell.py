@@ -89,7 +89,8 @@ def evaluated(
 
 def _shown(robot: Robot) -> tuple[str, ...]:
     """Effects, as the simulator's options, that this demonstration may hide."""
-    effects = [effect for effect in catalogue(robot, robot.detailed) if effect.live_strength]
+    every = catalogue(robot, robot.detailed)
+    effects = [effect for effect in every if effect.live_strength and not effect.lacking]
     return tuple(f"{effect.cause}:strength={effect.live_strength}" for effect in effects[::-1])
 
 
