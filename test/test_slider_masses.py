@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.cli.main import run
 from delta_calibration.data import at_rest, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.effects import catalogue
@@ -107,3 +108,9 @@ def test_without_masses_loads_are_not_known(robot):
         assert lacking[cause] == "the robot file states no masses"
     with pytest.raises(InputError, match="joint_compliance: the robot file"):
         draw_machine(unweighed, 3, hidden={"joint_compliance": {}})
+
+
+def test_a_plan_for_a_cause_that_needs_masses_asks_for_them(tmp_path, capsys):
+    asked = ["--separate", "joint_compliance", "backlash", "--out", str(tmp_path / "plan.csv")]
+    assert run(["plan", "--robot", "linear_delta", *asked]) == 2
+    assert "cause 'joint_compliance': the robot file states no masses" in capsys.readouterr().err

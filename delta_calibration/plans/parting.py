@@ -121,13 +121,15 @@ def _pair(robot: Robot, causes: tuple[str, str], mechanism: Mechanism, bench: Be
     """The two explanations; the geometry as a whole can only be the second.
 
     Raises:
-        InputError: no such cause, or the same twice.
+        InputError: no such cause, one that needs what the robot file lacks, or the same twice.
     """
     effects = {effect.cause: effect for effect in catalogue(robot, mechanism)}
     dimensions = dict.fromkeys(p.cause for p in mechanism.parameters)
     for cause in causes:
         if cause not in (known := (*effects, *dimensions, GEOMETRY)):
             raise InputError(f"no cause {cause!r}; there are: {', '.join(known)}")
+        if cause in effects and (lacking := effects[cause].lacking):
+            raise InputError(f"cause {cause!r}: {lacking}")
     if causes[0] == causes[1]:
         raise InputError(f"{causes[0]!r} cannot be distinguished from itself; name two causes")
     at = bench.course(mechanism.home)
