@@ -60,7 +60,7 @@ def with_effects(robot, model, causes=None, scale=0.5):
     effects, values = [], []
     rng = np.random.default_rng(7)
     for effect in catalogue(robot, mechanism):
-        if causes is not None and effect.cause not in causes:
+        if effect.lacking or (causes is not None and effect.cause not in causes):
             continue
         *_, effect = effect.forms()  # the one with most parameters
         value = scale * effect.parameters.prior * rng.uniform(0.3, 0.9, len(effect.parameters))
@@ -314,3 +314,11 @@ def test_a_loop_that_has_no_c_is_refused_by_name(function):
     name = function.py_func.__name__
     with pytest.raises(ConfigError, match=rf"loops_in_c\.{name}.*(has no C|several kinds)"):
         c_loops.Program({}).add(function, (c_loops.ROWS,))
+
+
+def test_an_effect_that_lacks_masses_is_not_exported():
+    robot = load_robot("linear_delta")
+    spring = effect_named("joint_compliance", robot, robot.model(), {})
+    calibration = machine(robot, None, [spring], [np.full(3, 1e-6)])
+    with pytest.raises(ConfigError, match="joint_compliance: the robot file states no masses"):
+        c_files(calibration, "machine")

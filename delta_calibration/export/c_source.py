@@ -35,6 +35,7 @@ from delta_calibration.effects.signals import (
     TRAVEL,
     Places,
 )
+from delta_calibration.errors import ConfigError
 from delta_calibration.export import c_loops
 from delta_calibration.export.c_laws import law_in_c
 from delta_calibration.export.c_numbers import constant, placed
@@ -105,9 +106,13 @@ def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
         prefix: text before every public name, so that one program can contain two machines.
 
     Raises:
-        ConfigError: a law has to be generated first, and CasADi is not installed.
+        ConfigError: an effect needs what the robot file does not state, or a law has to be
+            generated first, and CasADi is not installed.
     """
     effects = tuple(effect for effect, _ in calibration.live)
+    for effect in effects:
+        if effect.lacking:
+            raise ConfigError(f"effect {effect.cause}: {effect.lacking}")
     parts = parts_of(effects)
     single = JointCompensator(calibration).single_command(parts)
     loaded = tuple(single.own.compiled.stages.loaded.tolist())
