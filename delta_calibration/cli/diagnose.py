@@ -131,12 +131,12 @@ def command(
         click.echo(f"warning: {text}")
     if verbose:
         click.echo(tried(found, robot.named))
-    if out is not None and not (refusing and checked.found):
-        save_calibration(out, found.identification, robot, seen.poses)
-        click.echo(f"written: {out}")
     if json_file is not None:
         write_json(json_file, found.verdict.as_dict())
         click.echo(f"written: {json_file}")
+    if out is not None and not (refusing and checked.found):
+        save_calibration(out, found.identification, robot, seen.poses)
+        click.echo(f"written: {out}")
     if law_file is not None:
         for line in write_law(law_file, found, session.name):
             click.echo(line)
