@@ -26,6 +26,7 @@ from delta_calibration.diagnosis.candidates import (
     dimensions,
     subsets,
 )
+from delta_calibration.diagnosis.constants import MOST
 from delta_calibration.diagnosis.fitted import beside, gains_of
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import decrease, most_likely
@@ -33,8 +34,6 @@ from delta_calibration.diagnosis.shapes import Shapes
 from delta_calibration.effects import Effect
 
 Array = NDArray[np.float64]
-
-_MOST = 4  # terms, as in the diagnosis
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ def chosen(evidence: LinearizedModel, effects: Sequence[Effect]) -> tuple[Chosen
     """
     every = candidates(evidence, effects)
     terms: tuple[Candidate, ...] = ()
-    while len(terms) < _MOST:
+    while len(terms) < MOST:
         gain, best = _next(evidence, terms, every)
         if best is None or gain <= 0:
             break

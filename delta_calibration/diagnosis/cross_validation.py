@@ -44,9 +44,9 @@ class HeldOut:
 class Foretold:
     """How well columns predict parts of the data that their values were not fitted to."""
 
-    gain: float  # decrease of chi square of all parts, each predicted with values of the others
-    share: float  # of the decrease by a fit to everything; 1 if only noise is in the way
-    of_parts: float  # of the same sum with values fitted to everything; 1 if the values agree
+    gain: float  # decrease of chi square of the parts, each with values fitted to the others
+    share: float  # gain over the decrease by a fit to everything; 1 if only noise is in the way
+    of_parts: float  # gain over that of the parts with the values of that fit; 1 if values agree
 
 
 @dataclass(frozen=True)
@@ -155,9 +155,9 @@ def foretold(
     part: NDArray[np.int64],
     precision: float = PRECISION,
 ) -> Foretold:
-    """Shares of the explained chi square that columns also predict.
+    """How much of the chi square that columns explain they also predict.
 
-    0 if they explain nothing, for example with values at their bounds.
+    The shares are 0 if they explain nothing, for example with values at their bounds.
 
     Every part is predicted with the values v fitted to the others. With D the decrease of chi
     square, the decrease of the part is the growth of ln p(part | others, v), doubled, with the
@@ -165,9 +165,9 @@ def foretold(
 
         sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
 
-    Where dimensions could do the same, but only far beyond their tolerances, mainly the priors
-    speak for the columns: some parts show it as well as all, and each adds little. `of_parts`, the
-    sum over the same sum with values fitted to everything, then tells whether values agree.
+    This share is small for a signal that dimensions could also make, but only far beyond their
+    tolerances: any parts alone show how far, and each part adds little to that. Then `of_parts`
+    still tells whether the parts agree on the values v.
 
     Args:
         evidence: of all samples.

@@ -139,11 +139,11 @@ class HeldOutModels:
         A cause has to predict sectors of the workspace that it was not fitted in, and stretches of
         time if the others hold enough information on it; and it must reduce the error in metres.
         For a strong signal that leaves only noise, the error need only not grow significantly: if
-        it shows in few samples, chance decides which they are; and the parts need only agree on
-        its values, as far as they show it. A map only interpolates: it has to
-        reduce the error enough where it interpolates and must not raise it in unseen sectors. Of
-        a dimension the others may tell too little, as they also determine all other dimensions:
-        then the error in metres alone has to fall significantly.
+        it shows in few samples, chance decides which they are. It is also enough that the parts
+        agree on its values (`Foretold.of_parts`), if they show it clearly. A map only
+        interpolates: it has to reduce the error enough where it interpolates and must not raise it
+        in unseen sectors. Of a dimension the others may tell too little, as they also determine
+        all other dimensions: then the error in metres alone has to fall significantly.
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)

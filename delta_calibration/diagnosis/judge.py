@@ -174,19 +174,18 @@ def _in_louder_noise(
     residuals count as noise at first, and less of them as causes are found in it. If that hides
     something that residuals follow, the claim stands.
     """
-    if start.most_louder <= 1.0 or shown(_tests(sought.model, rng).p) != (LACK_OF_FIT,):
+    if start.most_louder <= 1.0:
         return start, sought
-    ratio = _tests(start, rng).ratio
-    if not ratio <= start.most_louder:
+    left = _tests(sought.model, rng)
+    if shown(left.p) != (LACK_OF_FIT,) or not left.ratio <= start.most_louder:
         return start, sought
-    louder = start.louder(ratio)
+    louder = start.louder(_tests(start, rng).ratio)
     found = find(louder, effects, rng)
-    for _ in range(MOST):
-        left = _tests(found.model, rng)
-        if not left.ratio <= QUIETER:
-            break
+    left = _tests(found.model, rng)
+    while left.ratio <= QUIETER and not louder.noise_apart:  # ends at the noise of the file
         louder = louder.louder(left.ratio)
         found = find(louder, effects, rng, found.model.terms)
+        left = _tests(found.model, rng)
     follows = set(shown(left.p)) - {LACK_OF_FIT}
     return (start, sought) if follows else (louder, found)
 
@@ -332,10 +331,11 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Candidate, Finding]:
-    """Findings, with less confidence the likelier a map is that they may be a part of.
+    """Reduce the confidence in causes that may only be a part of an error without a name.
 
-    One is a map in the model that explains more than a cause, if it could make the cause's signal,
-    or if the cause does not clearly improve the prediction of held-out data.
+    A cause may be a part of a map in the model that explains more, if that map could also make the
+    signal of the cause, or if the cause does not clearly improve predictions of held-out data; or
+    of a map that explains some of the errors left beside it.
     """
     maps = [term for term in found.model.terms if term.unexplained]
     larger = max((f.signal for m, f in said.items() if m.unexplained), default=0.0)

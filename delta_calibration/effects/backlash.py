@@ -41,7 +41,7 @@ from delta_calibration.effects.signals import (
     Places,
     nominal,
 )
-from delta_calibration.effects.springs import UNWEIGHED
+from delta_calibration.effects.springs import STATE_MASSES, UNWEIGHED
 from delta_calibration.model.chain_constants import FREE_FALL, OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
@@ -140,7 +140,7 @@ class Backlash(Effect):
 
     @property
     def _least_load(self) -> float:
-        """Load [N m, N] below which its side is rounding error, as about upright axes."""
+        """Load [N m, N] below which its sign is only rounding error, as about upright axes."""
         return _ROUNDING * FREE_FALL * float(np.sum(self.mechanism.weights(self.robot.masses)))
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
@@ -152,7 +152,7 @@ class Backlash(Effect):
         if not (self.mechanism.weighed or self._heavy) or not len(at):
             return None
         if not self._heavy:
-            return self._not_searched(UNWEIGHED, "state the masses in the robot file")
+            return self._not_searched(UNWEIGHED, STATE_MASSES)
         load = self._load(at)
         side = np.where(np.abs(load) > self._least_load, np.sign(load), 0.0)
         held = np.abs(side.sum(axis=0)) == len(load)

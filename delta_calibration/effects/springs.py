@@ -19,9 +19,8 @@ from delta_calibration.model.symbols import Symbol
 from delta_calibration.parameters import ParameterSet
 
 GIVE, MOST_GIVE = 4e-5, 1e-2  # [rad/(N m)] compliance 1/k of a drive: expected, and largest
-
-
 UNWEIGHED = "the robot file states no masses"
+STATE_MASSES = "state the masses in the robot file (mass_kg of each link, if it is an arm)"
 
 
 @dataclass(frozen=True)
@@ -38,9 +37,9 @@ class WeightEffect(Effect):
         return self.lacking or super().missing(at)
 
     def remedied(self, lacking: str) -> str:
-        """Advice to state the masses, if these are missing."""
+        """What to do: state the masses, if the robot file has none."""
         if lacking == UNWEIGHED:
-            return "state the masses in the robot file (mass_kg of each link, if it is an arm)"
+            return STATE_MASSES
         return super().remedied(lacking)
 
 

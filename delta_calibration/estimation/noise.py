@@ -185,7 +185,11 @@ def _hardly_less(found: float, stated: float, freedom: float) -> bool:
 
 
 def interval_of(freedom: float) -> tuple[float, float]:
-    """95 % interval of a standard deviation with so many degrees of freedom, over its estimate."""
+    """Ends of the 95 % interval of a standard deviation, as factors on its estimate.
+
+    Args:
+        freedom: degrees of freedom of the estimate.
+    """
     if not np.isfinite(freedom):
         return 1.0, 1.0
     chi = np.array([chdtri(freedom, 0.025), chdtri(freedom, 0.975)])

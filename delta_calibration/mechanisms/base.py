@@ -43,6 +43,10 @@ Own = TypeVar("Own", bound="Mechanism")
 _STAGES = 4  # from home to the joints in forward kinematics, if the mechanism has no opening
 _UNREACHED = 1e-12  # largest closure of a solution of damped inverse kinematics [m, rad]
 
+# Shares of a uniform rod's mass at either end and in its middle: such point masses have its
+# weight, its centre and its inertia exactly (Simpson's rule).
+ROD_END, ROD_MIDDLE = 1 / 6, 2 / 3
+
 
 @dataclass(frozen=True)
 class Limb:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.base import ROD_END, ROD_MIDDLE, Limb, Mechanism
 from delta_calibration.mechanisms.stands import require_apart
 from delta_calibration.model.symbols import Symbol, about_z, column, cos, little, sin, tilt
 from delta_calibration.parameters import Parameter, ParameterSet
@@ -166,21 +166,22 @@ class DeltaModel(Mechanism):
     def weights(self, masses: DeltaMasses | None) -> Array:
         """Point masses at the platform, the elbows and the middles of the pairs of rods [kg].
 
-        A rod has a sixth of its mass at either end and the rest in the middle: by Simpson's rule
-        it has the weight, the centre and the inertia of a uniform rod. An arm's mass is divided
+        Each arm carries a pair of uniform rods, see `ROD_END`. The arm's own mass is divided
         between hinge and elbow so that its centre is kept.
         """
         if masses is None:
             return np.zeros(1 + 2 * LEGS)
-        at_elbow = masses.arm * masses.arm_centre + masses.rod / 3
-        pair = 4 / 3 * masses.rod
-        return np.array([masses.platform + masses.rod, *LEGS * (at_elbow,), *LEGS * (pair,)])
+        end, middle = (2 * share * masses.rod for share in (ROD_END, ROD_MIDDLE))
+        elbow, platform = masses.arm * masses.arm_centre + end, masses.platform + LEGS * end
+        return np.array([platform, *LEGS * (elbow,), *LEGS * (middle,)])
 
     def moving(self, masses: DeltaMasses | None) -> Array:
         """Share of each mass that acts as inertia; for an arm that of its moment of inertia."""
         share = np.ones(1 + 2 * LEGS)
         if masses is not None and (at_elbow := self.weights(masses)[1]):
-            share[1 : 1 + LEGS] = (masses.arm * masses.turning + masses.rod / 3) / at_elbow
+            share[1 : 1 + LEGS] = (
+                masses.arm * masses.turning + 2 * ROD_END * masses.rod
+            ) / at_elbow
         return share
 
     @property

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.base import ROD_END, ROD_MIDDLE, Limb, Mechanism
 from delta_calibration.model.symbols import Symbol, column, cos, rows, sin, sqrt, square
 from delta_calibration.parameters import Parameter, ParameterSet
 from delta_calibration.sections import as_written, length, mass, place, refused, tolerance
@@ -84,11 +84,6 @@ class FiveAxisMasses:
     platform: float = mass(about="platform with everything mounted on it, at its centre")
     slider: float = mass(about="one slider")
     strut: float = mass(about="one strut")
-
-    @property
-    def on_platform(self) -> float:
-        """Mass at the platform in a one-mass model: the platform and half of each strut [kg]."""
-        return self.platform + STRUTS / 2 * self.strut
 
 
 class FiveAxis(Mechanism):
@@ -180,13 +175,12 @@ class FiveAxis(Mechanism):
     def weights(self, masses: FiveAxisMasses | None) -> Array:
         """Point masses of the platform, the sliders, and at ends and middles of struts [kg].
 
-        A strut has a sixth of its mass at either end and the rest in the middle: by Simpson's
-        rule it has the weight, the centre and the inertia of a uniform rod.
+        Each strut is a uniform rod, see `ROD_END`.
         """
         if masses is None:
             return np.zeros(1 + 3 * STRUTS)
-        end = masses.strut / 6
-        each = masses.slider + end, end, 4 * end
+        end, middle = (share * masses.strut for share in (ROD_END, ROD_MIDDLE))
+        each = masses.slider + end, end, middle
         return np.array([masses.platform, *np.repeat(each, STRUTS)])
 
     @staticmethod

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.base import ROD_END, ROD_MIDDLE, Limb, Mechanism
 from delta_calibration.mechanisms.spheres import lower_meeting_point, way_round
 from delta_calibration.mechanisms.stands import require_apart
 from delta_calibration.model.symbols import Symbol, column, cos, dot, sin, sqrt, square
@@ -74,11 +74,6 @@ class LinearDeltaMasses:
     platform: float = mass(about="platform with everything permanently mounted on it")
     carriage: float = mass(about="one carriage")
     rod: float = mass(about="one rod; each arm is a pair of rods")
-
-    @property
-    def on_platform(self) -> float:
-        """Mass at the platform in a one-mass model: the platform and half of each rod [kg]."""
-        return self.platform + TOWERS * self.rod
 
 
 class LinearDelta(Mechanism):
@@ -158,13 +153,13 @@ class LinearDelta(Mechanism):
     def weights(self, masses: LinearDeltaMasses | None) -> Array:
         """Point masses at the platform, the carriages and the middles of the arms [kg].
 
-        A rod has a sixth of its mass at either end and the rest in the middle: by Simpson's rule
-        it has the weight, the centre and the inertia of a uniform rod.
+        Each arm is a pair of uniform rods, see `ROD_END`.
         """
         if masses is None:
             return np.zeros(1 + 2 * TOWERS)
-        carriage, pair = masses.carriage + masses.rod / 3, 4 / 3 * masses.rod
-        return np.array([masses.platform + masses.rod, *TOWERS * (carriage,), *TOWERS * (pair,)])
+        end, middle = (2 * share * masses.rod for share in (ROD_END, ROD_MIDDLE))
+        carriage, platform = masses.carriage + end, masses.platform + TOWERS * end
+        return np.array([platform, *TOWERS * (carriage,), *TOWERS * (middle,)])
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.geometry import rotations
-from delta_calibration.mechanisms.base import Limb, Mechanism
+from delta_calibration.mechanisms.base import ROD_END, ROD_MIDDLE, Limb, Mechanism
 from delta_calibration.mechanisms.serial_dimensions import ArmDimensions, ArmTolerances, Link
 from delta_calibration.model import symbols as sy
 from delta_calibration.model.symbols import Symbol
@@ -144,13 +144,10 @@ class SerialArm(Mechanism):
         )
 
     def weights(self, masses: Any) -> Array:
-        """Point masses of each rod [kg]: a sixth at either end, the rest in the middle.
-
-        By Simpson's rule they have the rod's mass, centre and inertia exactly.
-        """
+        """Point masses of each link [kg], a uniform rod: start, middle and end, see `ROD_END`."""
         del masses
         each = [link.mass for link in self.dimensions.links]
-        return np.outer(each, np.array([1.0, 4.0, 1.0]) / 6).ravel()
+        return np.outer(each, [ROD_END, ROD_MIDDLE, ROD_END]).ravel()
 
     @staticmethod
     def opening(q: Symbol, g: Symbol, c: Symbol) -> Symbol:
