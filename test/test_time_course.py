@@ -122,3 +122,25 @@ def test_a_stand_that_goes_up_and_down_with_the_room_is_one_cause_with_its_perio
     period = cause.shape["period_s"]
     assert abs(period.value - PERIOD) < 4 * period.std < 0.3 * PERIOD
     assert not found["swaying"].unknown_structure.found
+
+
+@pytest.mark.parametrize("coincides", [True, False])
+def test_a_step_when_the_payload_changes_may_be_an_effect_of_the_payload(coincides: bool) -> None:
+    """A stand that is pushed in mid-session, with the payload changed once: then, or elsewhere."""
+    robot = load_robot("srbd")
+    plan = replace(make_plan("rich", robot, count=40), paths=())
+    heavy = np.arange(len(plan)) >= len(plan) // (2 if coincides else 4)
+    plan = replace(plan, payload=np.where(heavy, 0.5, 0.0))
+
+    def measured(hidden):
+        session = simulate_session(draw_machine(robot, 3, hidden=hidden), plan, 3)
+        return survey(session, robot.joints.names, robot.commanded.joint_size)
+
+    time = measured({}).poses.time
+    pushed = float(time[len(plan) // 2 - 1 : len(plan) // 2 + 1].mean())
+    verdict = diagnose(measured({"tracker_drift": {"step_at": str(pushed)}}), robot).verdict
+    (said,) = verdict.findings
+    assert said.cause == "tracker_drift"
+    assert (said.confidence < 0.5) == coincides
+    told = [one for one in verdict.cannot_tell if "an effect of the payload" in one.between]
+    assert len(told) == coincides

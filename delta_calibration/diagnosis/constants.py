@@ -35,6 +35,8 @@ USUAL = 1000.0  # prior odds of a quantity known to move a stage of machines aga
 TYPICAL_SHIFT = 1e-4
 # factor on the confidence in a name, if a map beside it shows that it may be a part of the map
 PART_OF_A_MAP = 0.5
+# the same if the cause sets in when the payload changes, which explains it as well
+WITH_PAYLOAD = 0.5
 
 # Set on machines of development seeds, none of which is used to judge (docs/diagnosis_study.md)
 SLIGHT = 0.05  # structure smaller than this share of the noise at rest does not matter

@@ -42,6 +42,11 @@ def unseen(
         unknown: structure that no cause explains.
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
+    said += [
+        CannotTell((term.cause, "an effect of the payload"), _TOGETHER, _CHANGE_AGAIN)
+        for term in terms
+        if term.effect is not None and term.effect.begins_with_payload(evidence.at)
+    ]
     found = {finding.cause for finding in findings}
     reasons: dict[tuple[str, str], list[str]] = {}
     whole = beside(evidence, terms)
@@ -78,6 +83,8 @@ _COVERED = (
     "it may be a part of the error that was found: both change the readings of this "
     "session in the same way"
 )
+_TOGETHER = "the error sets in at the moment when the payload changes"
+_CHANGE_AGAIN = "change the payload again, and back, and measure some poses each time"
 _WARMER = 1.0  # [K] range of a temperature from which it counts as changed
 _MOST = 0.8  # share of the squared deviations that imitate an effect
 

@@ -28,6 +28,7 @@ from delta_calibration.diagnosis.constants import (
     PLAIN,
     QUIETER,
     SOME,
+    WITH_PAYLOAD,
 )
 from delta_calibration.diagnosis.cross_validation import HeldOut
 from delta_calibration.diagnosis.findings import (
@@ -331,9 +332,9 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 
 
 def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Candidate, Finding]:
-    """Reduce the confidence in causes that may only be a part of an error without a name.
+    """Reduce the confidence in causes that may only look like an error without a name.
 
-    A cause may be a part of a map in the model that explains more, if that map could also make the
+    A step at the only change of payload may be an effect of the payload. A cause may be a part of a map in the model that explains more, if that map could also make the
     signal of the cause, or if the cause does not clearly improve predictions of held-out data; or
     of a map that explains some of the errors left beside it.
     """
@@ -344,7 +345,10 @@ def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Can
         vague = finding.signal < larger and not finding.gain_low > 0.0
         shadowed = vague or any(in_the_shadow(found.model, term, other) for other in maps)
         doubt = 1.0 if shadowed else _map_beside(finding, found.last)
-        return replace(finding, confidence=finding.confidence * (1 - (1 - PART_OF_A_MAP) * doubt))
+        sure = finding.confidence * (1 - (1 - PART_OF_A_MAP) * doubt)
+        if term.effect is not None and term.effect.begins_with_payload(found.model.evidence.at):
+            sure *= WITH_PAYLOAD
+        return replace(finding, confidence=sure)
 
     return {m: f if m.unexplained else doubted(m, f) for m, f in said.items()}
 

@@ -312,19 +312,19 @@ def _joined(model: Model) -> Model:
 
 
 def rested(model: Model) -> Model:
-    """The model with all parameters, also the reflector's offset, fitted to poses and paths.
+    """The model with all parameters and searched fields fitted to poses and paths.
 
-    A step in all parameters leads along the curved valley of the offset and off its floor; the
-    steps after it, with that offset held, lead back. A result is kept if its cost is lower.
+    A step in all parameters leads along the curved valley of the reflector's offset and off its
+    floor; the steps after it, with that offset held, lead back. Searched fields are refined before
+    each step: their best values depend on the others. A result is kept if its cost is lower.
     """
-    if not len(model.survey.paths):
-        return model
     misfit = model.misfit
     cost = _cost(model, misfit)
     for _ in range(_ROUNDS):
-        if cost - model.beside.cost(model.beside.best(misfit), misfit) < _LITTLE:
+        now = replace(_sharpened(model), seen=model.evidence)
+        if cost - now.beside.cost(now.beside.best(misfit), misfit) < _LITTLE:
             break
-        tried = _moved(model)
+        tried = _moved(now)
         for _ in range(_SETTLING):
             tried = _moved(tried, _offset(tried))
         lower = _cost(tried, misfit)

@@ -361,6 +361,11 @@ class Effect(ABC):
         del at
         return None
 
+    def begins_with_payload(self, at: Conditions) -> bool:
+        """Whether the effect sets in at the only change of payload, which may be its cause."""
+        del at
+        return False
+
     @classmethod
     def shaped(cls, robot: Robot, mechanism: Mechanism, settings: Mapping[str, Setting]) -> Effect:
         """Create the effect in the shape given by a file's settings."""

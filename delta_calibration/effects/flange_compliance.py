@@ -8,10 +8,10 @@ and c is the vector from that point to the payload's centre. A circle of evenly 
 half as compliant in rotation about the axis as about a diameter. K and k include a force sensor, a
 tool changer or an adapter between flange and tool.
 
-A session hardly determines h: the observed displacement is proportional to h^2 / k, and only a
-reflector beside the axis shows which part of it is a turn. So h is not searched, and stated
-intervals include a flange at half or twice the distance. The shift is added to the tool's position
-in the last link and the turn to its mounting there, so that commands can be corrected for both.
+Where the payload's centre is the tool centre point, the observed displacement is proportional to
+h^2 / k, and a session hardly determines h: its interval and that of the turn are then wide. The
+shift is added to the tool's position in the last link and the turn to its mounting there, so that
+commands can be corrected for both.
 
 Leaves out the weight of the tool itself, whose centre is not stated: its constant part is part of
 the tool's position, and the part that turns with the tool is not known. Platforms that never turn
@@ -26,18 +26,17 @@ for assembly.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
 from scipy.spatial.transform import Rotation
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Array, Effect, Limits, Stage
+from delta_calibration.effects.base import Effect, Interval, Limits, Stage
 from delta_calibration.effects.regressor import LOAD, Groups, Regressor, by_payload
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
-from delta_calibration.effects.signals import CARRIED, POSE, Places, Signals
+from delta_calibration.effects.signals import CARRIED, POSE, Places
 from delta_calibration.mechanisms import SerialArm
 from delta_calibration.model import symbols as sy
 from delta_calibration.model.symbols import Symbol
@@ -67,6 +66,7 @@ class FlangeCompliance(Effect):
     called: ClassVar[str] = "compliance of the tool flange"
     takes: ClassVar[tuple[str, ...]] = (CARRIED, POSE)
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
+    told: ClassVar[Mapping[str, tuple[str, str]]] = {"behind": ("behind_m", "m")}
 
     behind: float = 0.15  # [m] from the tool centre point back to the flange: a gripper's length
 
@@ -115,9 +115,9 @@ class FlangeCompliance(Effect):
         mount = Rotation.from_euler("ZYX", arm.dimensions.mount).as_matrix()
         return (self.behind, *mount.ravel().tolist())
 
-    def doubt(self) -> Effect | None:
-        """Effect of a flange that is half as far behind the tool, or twice as far."""
-        return _Elsewhere(self.robot, self.mechanism, self)
+    def intervals(self) -> tuple[Interval, ...]:
+        """Up to half as far again, or half as far: in the middle stays what no reading decides."""
+        return (("behind", self.behind / 2, 1.5 * self.behind),)
 
     def regressor(self, at: Conditions) -> Regressor:
         """Payload."""
@@ -128,32 +128,3 @@ class FlangeCompliance(Effect):
         """Groups by payload."""
         del joint
         return by_payload(at)
-
-
-@dataclass(frozen=True)
-class _Elsewhere(Effect):
-    """Change of the effect if the flange is farther behind the tool than assumed."""
-
-    cause: ClassVar[str] = "flange_elsewhere"
-    kind: ClassVar[str] = "structure"
-    stage: ClassVar[Stage] = Stage.STRUCTURE
-    takes: ClassVar[tuple[str, ...]] = FlangeCompliance.takes
-
-    flange: FlangeCompliance
-
-    @property
-    def parameters(self) -> ParameterSet:
-        """Parameters of the flange compliance."""
-        return self.flange.parameters
-
-    def columns_of(
-        self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
-    ) -> Array:
-        """See `Effect.columns_of`; half the difference between twice and half the distance."""
-        far, near = (
-            replace(self.flange, behind=share * self.flange.behind).columns_of(
-                signals, values, by_stage
-            )
-            for share in (2.0, 0.5)
-        )
-        return np.asarray((far - near) / 2)

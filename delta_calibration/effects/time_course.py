@@ -159,6 +159,16 @@ class Drift(Effect):
         """Also check the cycle."""
         return super().wrong() or wrong_cycle(self.period, self.phase)
 
+    def begins_with_payload(self, at: Conditions) -> bool:
+        """Whether it is a step where the payload changes, once, as closely as steps are sought."""
+        resting = (at.velocity == 0).all(axis=1)
+        order = np.argsort(at.time[resting], kind="stable")
+        time, payload = at.time[resting][order], at.payload[resting][order]
+        changes = np.flatnonzero(np.abs(np.diff(payload)) > 0) + 1
+        if self.step_at < 0 or len(changes) != 1:
+            return False
+        return bool(abs(np.sum(time < self.step_at) - changes[0]) <= max(1, len(time) // _STEPS))
+
     @property
     def bound_to_session(self) -> bool:
         """True: a drift by the clock says nothing about another day."""
