@@ -114,3 +114,19 @@ def test_a_plan_for_a_cause_that_needs_masses_asks_for_them(tmp_path, capsys):
     asked = ["--separate", "joint_compliance", "backlash", "--out", str(tmp_path / "plan.csv")]
     assert run(["plan", "--robot", "linear_delta", *asked]) == 2
     assert "cause 'joint_compliance': the robot file states no masses" in capsys.readouterr().err
+
+
+def test_the_last_fit_finds_the_searched_fields_again():
+    """Feet that a search left at half their depth; with the reflector's offset not known."""
+    hidden = {"base_compliance": {"value": "4e-6", "depth": "1.2"}}
+    machine, plan = draw_machine(PRINTER, 3, hidden=hidden), make_plan("rich", PRINTER, count=30)
+    session = simulate_session(machine, plan, 3)
+    seen = survey(session, PRINTER.joints.names, PRINTER.commanded.joint_size)
+    robot = replace(PRINTER, tracker=replace(PRINTER.tracker, reflector_offset_prior=0.1))
+    found = diagnose(seen, robot)
+    (term,) = found.model.terms
+    shallow = replace(term, effect=replace(term.effect, depth=term.effect.depth / 2))
+    again = replace(found.model, terms=(shallow,), seen=None).rested()
+    told = found.verdict.findings[0].shape["depth_m"]
+    assert abs(told.value - 1.2) < 3.5 * told.std
+    assert abs(again.terms[0].effect.depth - told.value) < told.std
