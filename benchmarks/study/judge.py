@@ -45,6 +45,7 @@ SAME = {
     "drum_eccentricity": {"sine": "sine", "cosine": "cosine"},
     "flange_compliance": {"shift": "shift", "turn": "turn"},
     "pretension_loss": {"strain": "strain"},
+    "thermal_growth_screw": {"growth": "growth"},
 }
 
 
@@ -184,6 +185,8 @@ def _shape(trial: Trial, cause: str) -> dict[str, float | str]:
         return {"time_constant": float(values["constant"])} if values["constant"] < np.inf else {}
     if cause == "joint_zero_drift" and values["kind"] == "step":
         return {"step_at": float(values["share"]) * trial.cell.length}
+    if cause == "thermal_growth_screw":
+        return {"time_constant": float(values["constant"]), "bearing": float(values["fixed"])}
     part = cause.removeprefix("thermal_growth_")
     if part == cause:
         return {}

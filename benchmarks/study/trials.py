@@ -57,12 +57,24 @@ OF_ROBOT: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     # its first zero belongs to the frame, its second one to the tool
     "scara": ((*_ARM, "reducer_compliance"), ("link_length",)),
     "linear_delta": (
-        (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
+        (
+            *_GEARED,
+            "transmission_error",
+            "slider_pitch",
+            "thermal_growth_arm",
+            "thermal_growth_screw",
+        ),
         ("joint_zero_offset", "arm_length"),
     ),
     "ur10": ((*_ARM, "gravity_sag"), ("joint_zero_offset", "link_length")),
     "five_axis": (
-        (*_GEARED, "transmission_error", "slider_pitch", "thermal_growth_arm"),
+        (
+            *_GEARED,
+            "transmission_error",
+            "slider_pitch",
+            "thermal_growth_arm",
+            "thermal_growth_screw",
+        ),
         ("joint_zero_offset", "base_joint_position", "platform_joint_position"),
     ),
     "cdpr8": (

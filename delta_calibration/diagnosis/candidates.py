@@ -111,7 +111,7 @@ class Candidate:
         """Whether it has all parameters of another candidate of the same cause.
 
         Parameters are compared by name; those of curves of unlike resolution, and of other effects
-        whose shapes have unlike parameters, by the joints that they move.
+        whose shapes have unlike parameters, by the joints that they move: a shared one moves all.
         """
         if self.effect is None or other.effect is None:
             return self.effect is other.effect and self.rows == other.rows
@@ -120,9 +120,10 @@ class Candidate:
         own, its = self.effect.parameters, other.effect.parameters
         if own.names == its.names:
             return set(other.rows) <= set(self.rows)
-        return {its.items[row].location for row in other.rows} <= {
-            own.items[row].location for row in self.rows
-        }
+        here = {own.items[row].location for row in self.rows}
+        if None in here or len(self.rows) == len(own):
+            return True
+        return {its.items[row].location for row in other.rows} <= here
 
 
 def columns_of(candidate: Candidate, evidence: LinearizedModel) -> Array:

@@ -57,10 +57,6 @@ class Scan:
         kept = (s for s in self.scores if not any(s.candidate.same_cause(c) for c in causes))
         return Scan(tuple(kept), self.tests)
 
-    def of_cause(self, candidate: Candidate) -> Score | None:
-        """The best score of the same cause."""
-        return next((s for s in self.scores if s.candidate.same_cause(candidate)), None)
-
 
 def scan(
     evidence: LinearizedModel,
@@ -127,7 +123,7 @@ def _of_effects(
             for shape in shapes
         ]
         if groups and groups[0]:
-            yield groups
+            yield [group for group in groups if group]
 
 
 def _of_the_rest(

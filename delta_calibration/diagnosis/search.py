@@ -324,6 +324,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     if len(named) < count:
         sets.append(named)
     sets += model.in_other_shapes
+    sets += _whole(terms)
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[1]
@@ -336,6 +337,20 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
             chosen = sorted((c for c in near if c[0] > least), reverse=True)[:LOOKED_AT]
             sets += [tuple(together.candidates[j] for j in rows) for _, rows in chosen]
     return _likeliest(fits, fits.of_swaps(sets, model), short, model)
+
+
+def _whole(terms: tuple[Candidate, ...]) -> Iterator[tuple[Candidate, ...]]:
+    """The terms without one of them, and with all values of another one free instead.
+
+    A cause found with a part of its values leaves what the others do, and a second cause may take
+    their place: a tracker that was shifted and turned, as a shift and a joint that slipped.
+    """
+    for i, term in enumerate(terms):
+        whole = term.with_all_values
+        if not term.unexplained and len(whole.rows) > len(term.rows):
+            for j in range(len(terms)):
+                if j != i:
+                    yield tuple(whole if k == i else m for k, m in enumerate(terms) if k != j)
 
 
 def _in_their_place(model: Fitted, short: tuple[Score, ...]) -> dict[str, Score]:

@@ -35,6 +35,7 @@ from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
 from delta_calibration.effects.thermal_growth_base import ThermalGrowthBase
 from delta_calibration.effects.thermal_growth_forearm import ThermalGrowthForearm
 from delta_calibration.effects.thermal_growth_link import ThermalGrowthLink
+from delta_calibration.effects.thermal_growth_screw import ThermalGrowthScrew
 from delta_calibration.effects.timestamp_latency import TimestampLatency
 from delta_calibration.effects.tracker_drift import TrackerDrift
 from delta_calibration.effects.tracker_scale import TrackerScale
@@ -79,6 +80,7 @@ EFFECTS: Registry[Effect] = Registry(
         GravitySag,
         JointCurve,
         ThermalGrowthLink,
+        ThermalGrowthScrew,
         BaseCompliance,
         FlangeCompliance,
         PretensionLoss,

@@ -19,7 +19,9 @@ from delta_calibration.effects.base import Effect, Interval, Limits
 from delta_calibration.effects.demo import Demo
 from delta_calibration.effects.joint_scale import JointScale
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
+from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import ParameterSet
+from delta_calibration.robot import Robot
 
 _PLACES = 5  # over the travel, at which a reading is tried to be true
 
@@ -57,14 +59,13 @@ class SliderPitch(JointScale):
 
     def constants(self, joint: int) -> tuple[float, ...]:
         """Drive reading at that place."""
-        drives = self.mechanism.drives
-        return (float(drives.zero[joint] + drives.sense[joint] * self.home),)
+        return (drive_reading(self.mechanism, joint, self.home),)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Readings that are true at the mechanism's own zero, and at places over the travel."""
         del at
         yield replace(self, home=0.0)
-        for place in np.linspace(*self._travel, _PLACES).tolist():
+        for place in np.linspace(*travel(self.robot, self.mechanism), _PLACES).tolist():
             if place:
                 yield replace(self, home=place)
 
@@ -72,13 +73,18 @@ class SliderPitch(JointScale):
         """The place between its neighbours in the search; none for the own zero."""
         if not self.home:
             return ()
-        low, high = self._travel
+        low, high = travel(self.robot, self.mechanism)
         step = (high - low) / (_PLACES - 1)
         return (("home", self.home - step, self.home + step),)
 
-    @property
-    def _travel(self) -> tuple[float, float]:
-        """Lowest and highest place that a slider reaches, from its own zero [m]."""
-        joints, drives = self.robot.joints, self.mechanism.drives
-        ends = drives.sense * (np.stack([joints.lower, joints.upper]) - drives.zero)
-        return float(ends.min()), float(ends.max())
+
+def travel(robot: Robot, mechanism: Mechanism) -> tuple[float, float]:
+    """Lowest and highest place that a slider reaches, from its own zero [m]."""
+    joints, drives = robot.joints, mechanism.drives
+    ends = drives.sense * (np.stack([joints.lower, joints.upper]) - drives.zero)
+    return float(ends.min()), float(ends.max())
+
+
+def drive_reading(mechanism: Mechanism, joint: int, place: float) -> float:
+    """Reading of a drive at a place of its slider, which is counted from its own zero [m]."""
+    return float(mechanism.drives.zero[joint] + mechanism.drives.sense[joint] * place)

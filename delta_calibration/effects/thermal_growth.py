@@ -43,11 +43,10 @@ _AROUND = 150.0  # [s] before and after a sample, over which the warming rate is
 
 
 @dataclass(frozen=True)
-class ThermalGrowth(Effect):
-    """Growth of a part's dimensions, each in proportion to its length."""
+class Growth(Effect):
+    """Growth of a part as it warms: by its own sensor, another one, or the clock."""
 
     kind: ClassVar[str] = "structure"
-    stage: ClassVar[Stage] = Stage.STRUCTURE
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
@@ -61,38 +60,12 @@ class ThermalGrowth(Effect):
     period: float = 0.0  # [s] of the room's temperature; 0: no cycle
     phase: float = 0.0  # of the cycle, as a share of its period
 
-    @abstractmethod
-    def lengths(self) -> Array:
-        """Length of the part contained in each geometry parameter, (p,) [m]."""
-
-    @property
-    def suits(self) -> bool:
-        """Whether any dimension of the mechanism belongs to the part."""
-        return bool(self.lengths().any())
-
     @property
     def parameters(self) -> ParameterSet:
         """alpha [1/K], at most 30e-6 for a metal; or the whole growth [1] over time."""
         if self.sensor:
             return self.shared("expansion", "1/K", 15e-6, 0.0, 40e-6)
         return self.shared("growth", "1", 150e-6, -1e-3, 1e-3)
-
-    @staticmethod
-    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """alpha L (T - 20 deg C), or growth L h(time), of one dimension."""
-        length, by_sensor = c[0], c[1]
-        warm = where(by_sensor > 0, s[0] - REFERENCE, course(s[0], c[2], -1.0, c[3], c[4]))
-        return v[0] * length * warm
-
-    def terms(self, places: Places) -> Iterator[Term]:
-        """One term per dimension that grows; NaN if its sensor was not recorded."""
-        signal = places.temperature(self.sensor) if self.sensor else places.begin(TIME)
-        known = not self.sensor or self.sensor in places.parts
-        by_sensor, lengths = float(bool(self.sensor)), self.lengths()
-        for row in np.flatnonzero(lengths).tolist():
-            length = float(lengths[row]) if known else np.nan
-            constants = (length, by_sensor, self.time_constant, self.period, self.phase)
-            yield Term((signal,), (0,), (row,), constants)
 
     def regressor(self, at: Conditions) -> Regressor:
         """The sensor's temperature, or time."""
@@ -125,20 +98,11 @@ class ThermalGrowth(Effect):
         for period, phase in cycles(at):
             yield self._over(period=period, phase=phase)
 
-    def _over(self, sensor: str = "", **course: float) -> ThermalGrowth:
+    def _over(self, sensor: str = "", **course: float) -> Growth:
         """The effect that follows a sensor, or a course over time."""
         plain = {"time_constant": 0.0, "period": 0.0, "phase": 0.0}
         shape: dict[str, Any] = {**plain, **course}
         return replace(self, sensor=sensor, **shape)
-
-    def doubt(self) -> Effect | None:
-        """Effect of a sensor's delay behind its part, which is not known; None over time."""
-        return _Behind(self.robot, self.mechanism, self) if self.sensor else None
-
-    def nominal_of(self, cause: str) -> Array:
-        """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
-        parameters = self.mechanism.parameters
-        return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
 
     @property
     def per_hour(self) -> bool:
@@ -166,6 +130,59 @@ class ThermalGrowth(Effect):
     def bound_to_session(self) -> bool:
         """Whether growth follows time; with a sensor it stays valid."""
         return not self.sensor
+
+    def _warms(self, places: Places) -> tuple[int, float]:
+        """Signal that the warming follows; and 1, or NaN if it is a sensor that does not exist."""
+        if not self.sensor:
+            return places.begin(TIME), 1.0
+        return places.temperature(self.sensor), 1.0 if self.sensor in places.parts else np.nan
+
+    @property
+    def _course(self) -> tuple[float, ...]:
+        """Constants of `warming`."""
+        return float(bool(self.sensor)), self.time_constant, self.period, self.phase
+
+
+def warming(signal: Symbol, c: Symbol) -> Symbol:
+    """T - 20 deg C of a sensor, or h(time), by the four constants of a `Growth`."""
+    return where(c[0] > 0, signal - REFERENCE, course(signal, c[1], -1.0, c[2], c[3]))
+
+
+@dataclass(frozen=True)
+class ThermalGrowth(Growth):
+    """Growth of a part's dimensions, each in proportion to its length."""
+
+    stage: ClassVar[Stage] = Stage.STRUCTURE
+
+    @abstractmethod
+    def lengths(self) -> Array:
+        """Length of the part contained in each geometry parameter, (p,) [m]."""
+
+    @property
+    def suits(self) -> bool:
+        """Whether any dimension of the mechanism belongs to the part."""
+        return bool(self.lengths().any())
+
+    @staticmethod
+    def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
+        """alpha L (T - 20 deg C), or growth L h(time), of one dimension."""
+        return v[0] * c[0] * warming(s[0], c[1:5])
+
+    def terms(self, places: Places) -> Iterator[Term]:
+        """One term per dimension that grows; NaN if its sensor was not recorded."""
+        signal, known = self._warms(places)
+        lengths = self.lengths()
+        for row in np.flatnonzero(lengths).tolist():
+            yield Term((signal,), (0,), (row,), (known * float(lengths[row]), *self._course))
+
+    def doubt(self) -> Effect | None:
+        """Effect of a sensor's delay behind its part, which is not known; None over time."""
+        return _Behind(self.robot, self.mechanism, self) if self.sensor else None
+
+    def nominal_of(self, cause: str) -> Array:
+        """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
+        parameters = self.mechanism.parameters
+        return np.where([p.cause == cause for p in parameters], parameters.nominal, 0.0)
 
 
 @dataclass(frozen=True)

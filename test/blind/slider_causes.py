@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 
 _EXPANSION = 23e-6  # [1/K] aluminium
 _PITCH = 60e-6
+_STEEL = 11.5e-6  # [1/K]
 
 
 def slider_pitch(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
@@ -40,6 +41,19 @@ def thermal_growth_arm(rng: np.random.Generator, strength: float, legs: Array) -
     return Cause("thermal_growth_arm", act, {"expansion": expansion})
 
 
+def thermal_growth_screw(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
+    """Screws lengthen from a bearing above the carriages, as their nuts warm them."""
+    warmer, constant = rng.uniform(6.0, 12.0), rng.uniform(1200.0, 2400.0)  # [K], [s]
+    fixed, growth = rng.uniform(-0.1, 0.0), strength * _STEEL * warmer
+
+    def act(world: World, state: State) -> None:
+        longer = growth * -np.expm1(-world.time / constant)
+        state.joint += longer[:, None] * (world.command - fixed)
+
+    known = {"growth": growth, "constant": constant, "fixed": fixed}
+    return Cause("thermal_growth_screw", act, known)
+
+
 def slider_causes(kind: Sliders) -> tuple[dict[str, Draw], dict[str, Draw]]:
     """Causes that can be hidden in such a machine by name, and kinds that are in no catalogue."""
     geared = ("backlash", "stick_slip", "joint_lag", "transmission_error", "joint_zero_drift")
@@ -58,6 +72,7 @@ def slider_causes(kind: Sliders) -> tuple[dict[str, Draw], dict[str, Draw]]:
         **drives_of(Drive(kind.size, kind.gears), *geared),
         "joint_zero_offset": wrong("joint_zero_offset", "foot", (2,)),
         "thermal_growth_arm": thermal_growth_arm,
+        "thermal_growth_screw": thermal_growth_screw,
     }
     if kind is LINEAR_DELTA:
         arms = {i + 1: [("strut", (i,))] for i in each}
