@@ -14,12 +14,13 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.commands_file import unit_for, write_commands
 from delta_calibration.cli.options import (
     calibration_option,
+    payload_option,
     require_folder,
     robot_option,
     seed_option,
     steadily,
+    temperature_option,
 )
-from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.tables import TableOptions, table_options
 from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.commands import (
@@ -63,20 +64,11 @@ OUTSIDE = (BLEND, NOMINAL, REFUSE)
 )
 @click.argument("targets", type=click.Path(path_type=Path))
 @click.option("--out", type=OUTPUT, required=True, help="CSV file to write.")
-@click.option(
-    "--payload",
-    type=MASS,
-    default=None,
-    metavar="KG",
-    help="Load at the centre of the platform, for a calibration that contains effects of load.",
+@payload_option(
+    "Load at the centre of the platform, for a calibration that contains effects of load."
 )
-@click.option(
-    "--temperature",
-    "temperatures",
-    multiple=True,
-    metavar="PART=DEGREES",
-    type=OfPart(CELSIUS, "arm=27.5"),
-    help="Temperature of a part, for a calibration that contains thermal growth; may be repeated.",
+@temperature_option(
+    "Temperature of a part, for a calibration that contains thermal growth; may be repeated."
 )
 @click.option(
     "--outside",

@@ -12,11 +12,12 @@ from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.compensate import corrected, said, tell_of_blended
 from delta_calibration.cli.options import (
     calibration_option,
+    payload_option,
     require_folder,
     robot_option,
+    temperature_option,
     write_text,
 )
-from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.commands import warmth_by_part
 from delta_calibration.compensation import JointCompensator
@@ -50,21 +51,8 @@ _FILE = re.compile(r"[A-Za-z0-9_.-]+")  # file name that a C source can include
     metavar="TARGETS.csv",
     help="For --format csv: the points, in the form that `compensate` reads.",
 )
-@click.option(
-    "--payload",
-    type=MASS,
-    default=None,
-    metavar="KG",
-    help="For --format csv: load at the centre of the platform.",
-)
-@click.option(
-    "--temperature",
-    "temperatures",
-    multiple=True,
-    metavar="PART=DEGREES",
-    type=OfPart(CELSIUS, "arm=27.5"),
-    help="For --format csv: temperature of a part; may be repeated.",
-)
+@payload_option("For --format csv: load at the centre of the platform.")
+@temperature_option("For --format csv: temperature of a part; may be repeated.")
 @click.option(
     "--prefix",
     default="",

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 import click
 from click.shell_completion import CompletionItem
 
+from delta_calibration.cli.quantity import CELSIUS, MASS, OfPart
 from delta_calibration.cli.verb import OUTPUTS
 from delta_calibration.errors import InputError
 from delta_calibration.files import written_whole
@@ -214,6 +215,23 @@ def calibration_option(said: str, required: bool = False) -> Callable[[Function]
         type=click.Path(path_type=Path),
         default=None,
         required=required,
+        help=said,
+    )
+
+
+def payload_option(said: str) -> Callable[[Function], Function]:
+    """`--payload`, a mass; `said` is its help text."""
+    return click.option("--payload", type=MASS, default=None, metavar="KG", help=said)
+
+
+def temperature_option(said: str) -> Callable[[Function], Function]:
+    """`--temperature` of parts, passed as `temperatures`; `said` is its help text."""
+    return click.option(
+        "--temperature",
+        "temperatures",
+        multiple=True,
+        metavar="PART=DEGREES",
+        type=OfPart(CELSIUS, "arm=27.5"),
         help=said,
     )
 

@@ -447,9 +447,12 @@ def _middle_of_the_best(gains: Array) -> int:
 
 
 def _vertex(before: float, top: float, after: float) -> float:
-    """Vertex of a parabola through three points a unit apart, relative to the middle one."""
+    """Vertex of a parabola through three points a unit apart, relative to the middle one.
+
+    At most a unit away: the middle one need not be the highest among points that are alike.
+    """
     bend = before - 2 * top + after
-    return 0.5 * (before - after) / bend if bend < 0 else 0.0
+    return min(max(0.5 * (before - after) / bend, -1.0), 1.0) if bend < 0 else 0.0
 
 
 def gain_of(about: Shapes, candidate: Candidate) -> float:

@@ -85,6 +85,7 @@ _COVERED = (
 )
 _TOGETHER = "the error sets in at the moment when the payload changes"
 _CHANGE_AGAIN = "change the payload again, and back, and measure some poses each time"
+_NO_THERMOMETER = "no temperature was recorded"
 _WARMER = 1.0  # [K] range of a temperature from which it counts as changed
 _MOST = 0.8  # share of the squared deviations that imitate an effect
 
@@ -189,7 +190,7 @@ def _constant(evidence: LinearizedModel, effect: Effect) -> str:
     at_rest = at.take(resting)
     cool = not (np.ptp(at.temperature, axis=0) > _WARMER).any()
     if "temperature" in effect.needs and cool:
-        return "the temperature hardly changed"
+        return "the temperature hardly changed" if at.temperature_parts else _NO_THERMOMETER
     if resting.all() and not effect.columns(at_rest).any():
         return "nothing was measured in motion"
     if "payload" in effect.needs and np.ptp(at.payload) == 0:

@@ -228,21 +228,35 @@ def _less_than_a_law(
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
-    They are removed even if no law is sure enough to be reported; then a map may take their place.
+    All together, or several of one joint. They are removed even if no law is sure enough to be
+    reported; then a map may take their place.
     """
-    named = [m for m in said if m.effect is not None and not m.unexplained]
-    if not named or not found.model.placed:
+    if not found.model.placed:
         return found, held, said
-    others = tuple(m for m in found.model.terms if m not in named)
-    without = beside(found.model.evidence, others)  # about the fit with them: it favours them
-    doubt = doubts_of_names(without, named, effects[0].robot)
-    doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
-    if doubt < LIKELIER and all(doubted[m].confidence >= LEAST_SURE for m in named):
-        return found, held, doubted
-    bare = found.model.fitted(tuple(m for m in said if m.effect is None))
-    last = scanned(bare, effects, rng).without(named)
-    mapped = bare if last.map is None else bare.fitted((*bare.terms, last.map.candidate))
-    return _holding(replace(found, model=mapped, last=last), bare, rng)
+    for named in _perhaps_one(tuple(said)):
+        others = tuple(m for m in found.model.terms if m not in named)
+        without = beside(found.model.evidence, others)  # about the fit with them: it favours them
+        doubt = doubts_of_names(without, named, effects[0].robot)
+        doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
+        if doubt >= LIKELIER or any(doubted[m].confidence < LEAST_SURE for m in named):
+            kept = tuple(m for m in said if m not in named and not m.unexplained)
+            bare = found.model.fitted(kept)
+            last = scanned(bare, effects, rng).without((*named, *kept))
+            mapped = bare if last.map is None else bare.fitted((*kept, last.map.candidate))
+            return _holding(replace(found, model=mapped, last=last), bare, rng)
+        said = doubted
+    return found, held, said
+
+
+def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:
+    """Sets of named causes that may be one law: all of them, and several of the same joint."""
+    named = tuple(m for m in said if m.effect is not None and not m.unexplained)
+    if named:
+        yield named
+    for place in dict.fromkeys(m.location for m in named if m.location is not None):
+        here = tuple(m for m in named if m.location == place)
+        if 1 < len(here) < len(named):
+            yield here
 
 
 def _doubted(finding: Finding, doubt: float) -> Finding:

@@ -133,6 +133,10 @@ class Grammar:
         function: Function,
         by: Quantity | None,
     ) -> Iterator[FoundLaw]:
+        """The law of all targets where its quantity changes, and the law of each of them alone."""
+        targets = [target for target in targets if self._changes(of, target)]
+        if not targets:
+            return
         law = FoundLaw(
             self.robot,
             self.evidence.chain.mechanism,
@@ -348,6 +352,12 @@ class Grammar:
     def _varies(self, quantity: Quantity) -> bool:
         values = self._values(quantity)
         return bool(np.isfinite(values).all() and np.ptp(values) > _MOVED)
+
+    def _changes(self, quantity: Quantity, target: Target) -> bool:
+        """Whether the quantity changes at this target: an upright joint bears no weight."""
+        places = quantity.places(self.signals.places, target, self._joints)
+        values = self.signals.rows[:, list(places)]
+        return bool((np.ptp(values, axis=0) > _MOVED).any())
 
     def _range(self, quantity: Quantity) -> tuple[float, float]:
         values = self._values(quantity)

@@ -120,7 +120,7 @@ def likely_laws(
     found = []
     for own, weight in zip(classes, weights, strict=True):
         probability = COMPLETE * float(weight / total)
-        if probability >= LAW_SURE and _holds(evidence, screen, own[0], effect, rng):
+        if probability >= LAW_SURE and _holds(evidence, own[0], effect, rng):
             others = (g for other in classes if other is not own for g in other[:1])
             found.append(Likely(own[0], probability, tuple(own[1:]), next(others, None)))
     return tuple(found)
@@ -308,7 +308,6 @@ def _classes(screen: Screen, guesses: Sequence[Guess]) -> list[list[Guess]]:
 
 def _holds(
     evidence: LinearizedModel,
-    screen: Screen,
     guess: Guess,
     effect: Effect,
     rng: np.random.Generator,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.findings import spread_of
@@ -24,8 +23,6 @@ from delta_calibration.effects.found_law import (
     Target,
 )
 from delta_calibration.wording import listed
-
-Array = NDArray[np.float64]
 
 _VALUES = "abc"
 _FIELDS = {"middle": "c", "scale": "k", "bearing": "beta"}
@@ -187,12 +184,12 @@ def _named(quantity: Quantity, law: FoundLaw, target: Target) -> str:
 def _range(
     evidence: LinearizedModel, of: tuple[Quantity, Target, FoundLaw]
 ) -> tuple[float, float]:
-    """Smallest and largest value of a quantity in the session."""
+    """Smallest and largest value of a quantity in the session; travel begins at a reversal."""
     quantity, target, law = of
     signals = signals_of(evidence, law.robot)
     first, second = quantity.places(signals.places, target, law.mechanism.joints)
     values = signals.rows[:, first] + (signals.rows[:, second] if quantity.of_joints else 0.0)
-    values = values[evidence.believed]
+    values = values[evidence.believed & np.isfinite(values)]
     return float(values.min()), float(values.max())
 
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.diagnosis.candidates import Candidate, moved_by, products_of
 from delta_calibration.diagnosis.constants import CLEAR, REMAINS, SHADOWED
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.rivals import reached
-
-Array = NDArray[np.float64]
 
 
 def untrusted(model: Fitted) -> tuple[Candidate, ...]:

@@ -21,7 +21,6 @@ from delta_calibration.geometry.halton import halton
 from delta_calibration.mechanisms import Mechanism
 
 Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 _TEN = 10
 _STOP = 40.0  # [s] between stops
@@ -74,10 +73,10 @@ class Session:
             travel=np.full(at.joint.shape, _SHORT * self.mechanism.joint_size),
         )
 
-    def elsewhere(self, joint: Array, begin: float = _STOP) -> Conditions:
+    def elsewhere(self, joint: Array) -> Conditions:
         """Stops at other joint angles (n, m), under the conditions of the session's last one."""
         last = self.at.take(np.full(len(joint), len(self.at) - 1))
-        return self.later(replace(last, joint=joint), begin)
+        return self.later(replace(last, joint=joint), _STOP)
 
     def usable(self, joint: Array) -> NDArray[np.bool_]:
         """Mask of joint angles within limits at which the nominal machine is well conditioned."""

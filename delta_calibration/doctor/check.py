@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.data import Session, repeats
 from delta_calibration.doctor import clocks, hypotheses, loggers
@@ -34,8 +33,6 @@ from delta_calibration.documents import Document
 from delta_calibration.errors import ConfigError, MistakeError
 from delta_calibration.robot import Robot, robot_document, robot_from
 from delta_calibration.threads import one_thread
-
-Array = NDArray[np.float64]
 
 _ROUNDS = 4
 _MANY = 0.05  # least share of frozen readings that is told

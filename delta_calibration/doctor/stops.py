@@ -84,13 +84,6 @@ def taken(stops: Session, keep: NDArray[np.intp]) -> Session:
     )
 
 
-def seconds(stops: Session) -> Array:
-    """Time of each stop since the first stop, (n,) [s]."""
-    assert stops.tracker is not None
-    stamps = stops.tracker.stamp_ns
-    return np.asarray((stamps - stamps[0]) * 1e-9)
-
-
 def _joint_rows(stream: JointStream | None, keep: NDArray[np.intp]) -> JointStream | None:
     if stream is None:
         return None

@@ -56,7 +56,7 @@ def review(robot: Robot, data: Document) -> Review:
         robot: robot that the file describes.
         data: content of the file.
     """
-    doubts = [*_lengths(data), *_angles(data), *_ranges(robot, data), *_tolerances(robot, data)]
+    doubts = [*_lengths(data), *_angles(data), *_ranges(robot), *_tolerances(data)]
     doubts += [*_noise(data), *_room(robot, data)]
     try:
         figures, more = _figures(robot)
@@ -124,7 +124,7 @@ def _angles(data: Document) -> Iterator[str]:
             yield f"{path}: {value:.6g} degrees; was it written in radians ({meant})?"
 
 
-def _ranges(robot: Robot, data: Document) -> Iterator[str]:
+def _ranges(robot: Robot) -> Iterator[str]:
     """Doubts about joint limits that leave almost no range."""
     unit, factor = robot.joints.shown
     widest = float(factor * (robot.joints.upper - robot.joints.lower).max())
@@ -136,7 +136,7 @@ def _ranges(robot: Robot, data: Document) -> Iterator[str]:
         )
 
 
-def _tolerances(robot: Robot, data: Document) -> Iterator[str]:
+def _tolerances(data: Document) -> Iterator[str]:
     """Doubts about tolerances that are implausible for a machine part."""
     sizes = [abs(v) for _, unit, v in entries(data["geometry"], "geometry") if unit == "mm"]
     longest = max(sizes, default=np.inf)

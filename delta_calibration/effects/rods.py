@@ -27,9 +27,7 @@ def lengthened(a: Symbol, b: Symbol) -> Symbol:
     return column((a + b) / 2, b - a)
 
 
-def pairs(
-    mechanism: Mechanism, places: Places, constants: tuple[float, ...] = ()
-) -> Iterator[Term]:
+def pairs(mechanism: Mechanism, places: Places) -> Iterator[Term]:
     """Yield a term per pair: signals are its loads, outputs its mean length and mismatch."""
     names = mechanism.parameters.names
     for leg in range(1, mechanism.joints + 1):
@@ -39,4 +37,4 @@ def pairs(
         ]
         load = places.begin(LOAD)
         signals = tuple(load + row if row >= 0 else places.begin(NOTHING) for row in rows)
-        yield Term(signals, (0,), tuple(rows), constants)
+        yield Term(signals, (0,), tuple(rows), ())

@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.documents import load_schema, read_document, write_document
 from delta_calibration.effects import SPREAD, Effect, catalogue, effect_named
@@ -35,8 +34,6 @@ from delta_calibration.fleet.population import (
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.parameters import Parameter
 from delta_calibration.robot import Robot
-
-Array = NDArray[np.float64]
 
 SCHEMA = 1
 _ODD = 0.5  # probability above which a dimension is reported as odd

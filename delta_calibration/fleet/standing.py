@@ -94,7 +94,7 @@ def standing(known: Known, day: datetime, lately: timedelta) -> Standing:
     judged = next((each for each in reversed(known.sessions) if not each.is_update), last)
     changes = _recent(known, day - lately)
     findings = _causes(judged)
-    state, why, to_do, stake = _fine(judged)
+    state, why, to_do, stake = _fine()
     age = _age(last, day) if day - last.began > lately else ""
     if age:
         state, why, to_do = STALE, age, "measure"
@@ -163,7 +163,7 @@ def _also(
     return tuple(text for text in told if text)
 
 
-def _fine(last: Measured) -> tuple[str, str, str, float]:
+def _fine() -> tuple[str, str, str, float]:
     return FINE, "nothing beyond the dimensions, which are in its calibration", "nothing", 0.0
 
 

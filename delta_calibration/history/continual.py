@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtrc
 
 from delta_calibration.errors import DataError
@@ -26,8 +25,6 @@ from delta_calibration.history.walk import State, Step, Walk, days_between
 from delta_calibration.robot import Robot
 from delta_calibration.threads import one_thread
 from delta_calibration.wording import spoken
-
-Array = NDArray[np.float64]
 
 _ODD = 1e-3  # p value below which a session contradicts the prior from its history
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.errors import ReachError, SingularityError
+from delta_calibration.errors import ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms.drives import Drives
@@ -738,21 +738,6 @@ class Mechanism(ABC):
             named = f"{what} {bad[0] + 1} ({value} {unit})"
             raise ReachError(f"{named} is out of the robot's reach{more}")
 
-    def require_regular(self, q: Array, x: Array, g: Array, limit: float) -> None:
-        """Refuse a batch that holds a pose too close to a singularity.
-
-        Raises:
-            SingularityError: names the first pose whose condition number exceeds `limit`.
-        """
-        condition = self.condition(q, x, g)
-        bad = np.flatnonzero(~(condition <= limit))
-        if bad.size:
-            value = condition[bad[0]]
-            raise SingularityError(
-                f"pose {bad[0] + 1} is near a singularity: "
-                f"condition {value:.3g}, allowed {limit:g}"
-            )
-
 
 def solve(matrix: Array, right: Array) -> Array:
     """Solve matrix @ y = right for each sample, by least squares if there are more rows.
@@ -775,17 +760,6 @@ def solve(matrix: Array, right: Array) -> Array:
         usable = np.where(regular[..., None, None], usable, np.eye(size))
         result = np.linalg.solve(usable, np.where(finite[..., None, None], right, 0.0))
     return np.where(finite[..., None, None], result, np.nan)
-
-
-def divide(left: Array, matrix: Array) -> Array:
-    """Return left @ (pseudo)inverse of matrix for each sample; NaN where it is singular.
-
-    (n, c, k), (n, r, k) -> (n, c, r).
-    """
-    turned = np.swapaxes(matrix, -1, -2)
-    if matrix.shape[-2] == matrix.shape[-1]:
-        return np.swapaxes(solve(turned, np.swapaxes(left, -1, -2)), -1, -2)
-    return np.swapaxes(matrix @ solve(turned @ matrix, np.swapaxes(left, -1, -2)), -1, -2)
 
 
 def _of_limbs(

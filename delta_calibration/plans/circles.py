@@ -78,10 +78,7 @@ def circles(
     joint = points.nominal_joints(robot, places, payload=payload)
     if robot.workspace is not None:  # not every mechanism commands all coordinates of a point
         places = points.tool_points(robot, joint)
-    direction = np.tile(sides, len(places))
-    places, joint = (np.repeat(each, len(sides), axis=0) for each in (places, joint))
-    mass = np.full(len(places), payload)
-    return Plan("circles", places, joint, direction, mass, dwell, tuple(paths))
+    return Plan.around("circles", places, joint, sides, dwell, payload, tuple(paths))
 
 
 def _room(robot: Robot, radius: float) -> tuple[Array, Array]:

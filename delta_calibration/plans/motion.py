@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -43,6 +43,22 @@ class Plan:
     payload: Array  # (n,) [kg]
     dwell: float  # [s] at each stop
     paths: tuple[MotionPath, ...] = ()
+
+    @classmethod
+    def around(
+        cls,
+        name: str,
+        target: Array,
+        joint: Array,
+        sides: Sequence[float],
+        dwell: float,
+        payload: float = 0.0,
+        paths: tuple[MotionPath, ...] = (),
+    ) -> Plan:
+        """Plan of different places (n, 3), (n, m), each approached from all `sides` in turn."""
+        target, joint = (np.repeat(each, len(sides), axis=0) for each in (target, joint))
+        direction = np.tile(sides, len(joint) // len(sides))
+        return cls(name, target, joint, direction, np.full(len(joint), payload), dwell, paths)
 
     def __len__(self) -> int:
         return len(self.joint)

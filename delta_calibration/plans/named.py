@@ -83,11 +83,8 @@ def make_plan(
             targets = points.tool_points(robot, joint)
     except ReachError as error:
         raise ReachError(f"plan {name_or_csv}: {error}") from error
-    direction = np.tile(sides, len(targets))
-    targets, joint = (np.repeat(each, len(sides), axis=0) for each in (targets, joint))
     paths = _iso9283_paths(robot, max(cycles // 3, 1), payload) if cycles else ()
-    mass = np.full(len(targets), payload)
-    return Plan(name_or_csv, targets, joint, direction, mass, dwell, paths)
+    return Plan.around(name_or_csv, targets, joint, sides, dwell, payload, paths)
 
 
 def _places(

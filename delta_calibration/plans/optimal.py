@@ -49,6 +49,7 @@ _TRACKER = 3.0  # [m] assumed distance of the tracker from the base
 _READINGS = 20  # averaged at a stop
 _ON_PATH = 4  # averaged on a path
 WEAK = 1e-6  # precision of unknowns without prior: the frame, to a metre
+SIDES = (1.0, -1.0)  # from which each stop is approached
 _CANDIDATES = 2000
 _ON_THE_WAY = 10  # steps from home to a pose
 _SAME = 1e-6  # [m, rad] by which equal poses may differ
@@ -304,17 +305,9 @@ def optimal_plan(
         for _ in range(_RANDOM)
     ]
     names = foresight.chain.parameters.names
-    sides = np.array([1.0, -1.0])
-    stops = np.repeat(joint[chosen], len(sides), axis=0)
+    stops = joint[chosen]
     return OptimalPlan(
-        Plan(
-            name="identify",
-            target=tool_points(robot, stops),
-            joint=stops,
-            direction=np.tile(sides, count),
-            payload=np.zeros(len(stops)),
-            dwell=dwell,
-        ),
+        Plan.around("identify", tool_points(robot, stops), stops, SIDES, dwell),
         len(rows),
         _information(rows, start, chosen),
         float(np.mean(by_chance)),

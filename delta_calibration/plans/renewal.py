@@ -19,6 +19,7 @@ from delta_calibration.estimation import FEWEST_CARRIED, Carried, carried_rows, 
 from delta_calibration.plans.bench import Bench, StopConditions
 from delta_calibration.plans.motion import Plan
 from delta_calibration.plans.optimal import (
+    SIDES,
     WEAK,
     FiledNoise,
     candidates,
@@ -33,7 +34,6 @@ Array = NDArray[np.float64]
 
 UPDATE_PLACES = 18  # three tenths of a complete plan
 _CANDIDATES = 1000
-_SIDES = (1.0, -1.0)
 
 
 @dataclass(frozen=True)
@@ -80,16 +80,9 @@ def renewal_plan(
     rows = about.rows(robot, joint)
     chosen = rng.permutation(choose(rows, about.known, count, len(about.known), follow))
     spread = rng.permutation(len(rows))[:PLACES]
-    stops = np.repeat(joint[chosen], len(_SIDES), axis=0)
+    stops = joint[chosen]
     return Renewal(
-        Plan(
-            name="update",
-            target=tool_points(robot, stops),
-            joint=stops,
-            direction=np.tile(_SIDES, count),
-            payload=np.zeros(len(stops)),
-            dwell=dwell,
-        ),
+        Plan.around("update", tool_points(robot, stops), stops, SIDES, dwell),
         len(rows),
         about.uncertain(rows, about.known, chosen),
         about.uncertain(rows, about.drawn, spread),
@@ -131,7 +124,7 @@ class _About:
         size = self.chain.mechanism.joint_size
         bench, noise = Bench.after(None, size), FiledNoise(robot, self.chain, self.theta)
         sides = []
-        for side in _SIDES:
+        for side in SIDES:
             samples = bench.stops(joint, [StopConditions(side=side)] * len(joint))
             seen = self.chain.see(samples.at, self.theta)
             sides.append(noise(samples, seen.x) @ seen.jacobian @ self.scale)

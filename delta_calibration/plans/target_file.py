@@ -16,7 +16,7 @@ requested. Any other column is refused, as its content would be ignored silently
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +48,6 @@ class Targets:
     point: Array  # (n, 3) [m]
     turn: Array  # (n, 3) [rad]
     joint: Array  # (n, m) [rad or m]
-    unused: tuple[str, ...] = ()  # columns that only a plan needs
 
 
 def commanded_columns(robot: Robot) -> tuple[str, ...]:
@@ -65,8 +64,7 @@ def read_targets(path: Path, robot: Robot, payload: float = 0.0) -> Targets:
         ReachError: a target out of the robot's reach or joint limits, or where cables cannot
             carry the load.
     """
-    rows = read_rows(path, robot)
-    return replace(targets_of(rows, robot, payload), unused=unused_columns(rows))
+    return targets_of(read_rows(path, robot), robot, payload)
 
 
 def unused_columns(rows: Sequence[Row]) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from delta_calibration.errors import InputError
 from delta_calibration.robot import Robot
 
 _SIDES = ("joints", "points")
-_SHARED = ("time", "encoders", "rotation")
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,6 @@ from delta_calibration.recording.table_mapping import Column, TableMapping
 from delta_calibration.tables import Row
 from delta_calibration.texts import number_of
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 _CHANCE = 1e-4  # probability of so many equal rows by rounding; below it they are copies
@@ -65,7 +64,7 @@ def new_rows(
         f"{lines_of(rows, copies)} {repeat} {lines_of(rows, first)} to the last digit, commands "
         "and measurements"
     )
-    if not mapping.stream and _by_chance(rows, copies, first, new & ~moves, mapping, sigma):
+    if not mapping.stream and _by_chance(rows, first, new & ~moves, mapping, sigma):
         notes.append(f"{said}: with so few digits they can be equal by chance, so they were kept")
     elif mapping.repeated == "refuse":
         raise InputError(
@@ -103,7 +102,6 @@ def _values(row: Row, columns: Sequence[Column]) -> tuple[float | str, ...]:
 
 def _by_chance(
     rows: Sequence[Row],
-    copies: Sequence[int],
     first: Sequence[int],
     among: Mask,
     mapping: TableMapping,

@@ -7,12 +7,9 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.recording.table_mapping import ANGLES, LENGTHS, Column, TableMapping
 from delta_calibration.recording.table_placing import Way
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,15 +17,12 @@ from zipfile import ZipFile
 
 import numpy as np
 from charset_normalizer import from_bytes
-from numpy.typing import NDArray
 
 from delta_calibration.errors import ConfigError, InputError
 from delta_calibration.files import MOST_TEXT, read_bounded
 from delta_calibration.recording.presets import preset
 from delta_calibration.tables import Row, require_columns
 from delta_calibration.texts import listed
-
-Array = NDArray[np.float64]
 
 _WORKBOOK = b"PK\x03\x04"
 _ARRAYS = (".npy", ".npz", ".mat")  # files of arrays; a .mat file may be a text, too

@@ -18,8 +18,6 @@ from delta_calibration.uncertainty import Parts, radius95
 
 Array = NDArray[np.float64]
 
-COVERAGE = 2.0  # k
-
 
 @dataclass(frozen=True)
 class Contribution:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.data import Poses
 from delta_calibration.estimation.noise import Noise
@@ -11,8 +10,6 @@ from delta_calibration.report.document import Table
 from delta_calibration.report.drawing import CALIBRATED, PAPER, Axis, Figure, Line, Panel, Points
 from delta_calibration.robot import Robot
 from delta_calibration.wording import figures
-
-Array = NDArray[np.float64]
 
 UM = 1e6
 _ENOUGH = 5  # smallest number of readings of a still moment for its scatter

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from delta_calibration.estimation import Identification
 from delta_calibration.report.document import Table
@@ -20,8 +19,6 @@ from delta_calibration.report.drawing import (
     Scale,
 )
 from delta_calibration.wording import figures, spoken
-
-Array = NDArray[np.float64]
 
 _SHOWN = 18  # largest number of dimensions in the figure
 _SURE = 1.96

@@ -13,6 +13,8 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.task import Future
 
+SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
+FAREWELL_S = 1.0  # [s] for the last command to arrive
 PERIOD_S = 0.2
 AGAIN_S = 1.0  # [s] until a request is repeated: discovery may be incomplete, the answer lost
 LASTS_S = 0.5  # [s] that a problem must last, as Ctrl-C ends all nodes one after another

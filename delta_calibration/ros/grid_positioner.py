@@ -46,7 +46,7 @@ from delta_calibration.ros.conversions import (
     tracker_pose,
 )
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.driven import Driven
+from delta_calibration.ros.driven import FAREWELL_S, SETTLE_S, Driven
 from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     RATE,
@@ -65,9 +65,7 @@ from delta_calibration.ros.watchdog import leave
 Array = NDArray[np.float64]
 
 NAME = "grid_positioner"
-SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
 SAY_AGAIN_S = 2.0  # [s] between two log lines on refused messages of a topic
-FAREWELL_S = 1.0  # [s] for the last command to arrive
 ENCODER_SIGMAS = 8.0  # allowed deviation of a joint at rest, in standard deviations of its encoder
 
 SPECS = (

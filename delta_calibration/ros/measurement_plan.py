@@ -26,7 +26,7 @@ from delta_calibration.plans import PLANS, Plan, legs, make_plan
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
-from delta_calibration.ros.driven import Driven
+from delta_calibration.ros.driven import FAREWELL_S, SETTLE_S, Driven
 from delta_calibration.ros.entry import run_node
 from delta_calibration.ros.parameters import (
     RATE,
@@ -46,10 +46,8 @@ Array = NDArray[np.float64]
 
 NAME = "measurement_plan"
 STATES = ("joint_states_nominal", "joint_states")  # the first that is heard decides the start
-SETTLE_S = 2.0  # [s] a publisher may know of a subscriber long before that knows of it
 STATES_S = 3.0  # [s] to wait for a joint state
 HELD_UP_S = 0.25  # [s] delay above which the rest is shifted, as catching up would be a jump
-FAREWELL_S = 1.0  # [s] for the last command to arrive
 
 SPECS = (
     ROBOT,
