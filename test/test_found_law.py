@@ -19,6 +19,7 @@ from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis import judge as judgement
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
+from delta_calibration.diagnosis.fitted import _vertex
 from delta_calibration.diagnosis.law_grammar import Grammar
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
 from delta_calibration.diagnosis.law_search import likely_laws, signals_of
@@ -28,6 +29,7 @@ from delta_calibration.effects.catalogue import effect_named
 from delta_calibration.effects.found_law import (
     FOUND_LAW,
     FUNCTIONS,
+    TORQUE,
     FoundLaw,
     Quantity,
     Target,
@@ -285,3 +287,23 @@ def loaded(text: str, folder: Path) -> ModuleType:
 @pytest.mark.slow
 def test_a_clean_machine_has_no_law() -> None:
     assert judge(Task("none", 519).key)["laws"] == []
+
+
+def test_no_law_is_of_a_joint_that_bears_no_weight() -> None:
+    """An upright axis: rounding noise of its torque gave values of 1e8, which were shipped."""
+    plain = load_robot("ur10")
+    links = tuple(replace(link, mass=5.0) for link in plain.dimensions.links)
+    arm = replace(plain, dimensions=replace(plain.dimensions, links=links))
+    plan = replace(make_plan("identify", arm, count=30, seed=2), paths=())
+    session = simulate_session(draw_machine(arm, 2), plan, 2)
+    start = calibrated(survey(session, arm.joints.names), arm)
+    signals = signals_of(start.evidence, arm)
+    laws = [law for law in Grammar(arm, start.evidence, signals).laws() if law.of.name == TORQUE]
+    bearing = {law.of.number(t.joint, len(arm.joints.names)) for law in laws for t in law.targets}
+    assert bearing == {1, 2, 3, 4}  # the last joint turns evenly spread masses
+
+
+def test_the_top_of_a_search_is_between_its_neighbours() -> None:
+    """Of points that are alike the middle one is taken, which need not be the highest."""
+    assert _vertex(1.0, 2.0, 1.5) == pytest.approx(1 / 6)
+    assert _vertex(0.0, 1.0, 1.99) == 1.0

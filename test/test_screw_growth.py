@@ -50,7 +50,9 @@ def test_a_carriage_moves_by_the_screw_between_it_and_the_bearing() -> None:
 
 
 def test_machines_with_sliders_have_screws() -> None:
-    robots = {name: load_robot(name) for name in ("srbd", "ur10", "cdpr8", "five_axis", ROBOT.name)}
+    robots = {
+        name: load_robot(name) for name in ("srbd", "ur10", "cdpr8", "five_axis", ROBOT.name)
+    }
     have = {n for n, r in robots.items() if CAUSE in {e.cause for e in catalogue(r, r.model())}}
     assert have == {"five_axis", ROBOT.name}
 

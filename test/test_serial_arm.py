@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from delta_calibration.data import survey
+from delta_calibration.diagnosis import diagnose
 from delta_calibration.errors import ConfigError, ReachError
 from delta_calibration.geometry import rotations
 from delta_calibration.mechanisms.serial_arm import SerialArm
 from delta_calibration.mechanisms.serial_dimensions import ArmTolerances
 from delta_calibration.model.chain_constants import OF_INERTIA
+from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
+from delta_calibration.simulation import draw_machine, simulate_session
 
 SCARA = load_robot("scara").dimensions
 UR10 = load_robot("ur10").dimensions
@@ -245,3 +249,20 @@ def test_torques_of_inertia_are_those_of_two_rods_in_a_plane(rate, acceleration,
         np.zeros((1, 3)),
     )
     assert loads.inertia[0] == pytest.approx(mass @ acceleration + whirl, rel=1e-4, abs=1e-6)
+
+
+def test_a_reflector_off_its_place_is_told_with_the_tool_that_would_look_alike() -> None:
+    """Ten times its prior off: the fit gives half of it to the tool, out of tolerance then."""
+    plain = load_robot("ur10")
+    arm = replace(plain, tolerances=replace(plain.tolerances, tool=3e-4))
+    near = replace(arm, tracker=replace(arm.tracker, reflector_offset_prior=3e-4))
+    off = np.array([3e-3, -2e-3, 4e-3])
+    away = replace(near, tracker=replace(near.tracker, reflector_offset=off))
+    plan = replace(make_plan("identify", arm, count=60, seed=7), paths=())
+    session = simulate_session(draw_machine(away, 7), plan, 7)
+    (said,) = diagnose(survey(session, arm.joints.names), near).verdict.findings
+    assert said.cause == "smr_offset"
+    assert "tool_position" in said.equivalents
+    assert said.separated_by
+    for value, true in zip(said.parameters.values(), off, strict=True):
+        assert abs(value.value - true) < 3.5 * value.std

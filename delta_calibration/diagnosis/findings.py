@@ -47,10 +47,12 @@ from delta_calibration.diagnosis.geometry import (
     as_known,
     at_scatter,
     displaced,
+    like_the_offset,
     offset_rows,
     with_whole,
     without,
     without_geometry,
+    without_offset_prior,
 )
 from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -388,7 +390,30 @@ def of_reflector(
     if log_p > np.log(ELSEWHERE):
         return None
     rows = offset_rows(evidence)
-    return _of_nuisance(found.model, "smr_offset", "measurement", rows, log_p, held, rng)
+    said = _of_nuisance(found.model, "smr_offset", "measurement", rows, log_p, held, rng)
+    alike = like_the_offset(evidence)
+    return _with_the_tool(said, found.model, alike) if alike else said
+
+
+def _with_the_tool(said: Finding, model: Fitted, alike: tuple[str, ...]) -> Finding:
+    """The finding of a reflector's offset that a tool out of its tolerance would explain as well.
+
+    The fit divides what it finds between both by their priors, of which that of the offset is
+    refuted: the values are those of the offset if the tool is as drawn.
+    """
+    evidence, rows = model.beside, offset_rows(model.beside)
+    free = without_offset_prior(evidence)
+    prior = np.array([model.bare.parameters.items[row].prior for row in rows])
+    moved = prior * (free.best() - evidence.best())[rows]
+    spread = np.sqrt(np.diag(free.covariance())[rows] * max(1.0, model.misfit))
+    values = {
+        name: replace(one, value=one.value + by, std=float(std))
+        for (name, one), by, std in zip(
+            said.parameters.items(), moved.tolist(), prior * spread, strict=True
+        )
+    }
+    apart = "measure where the reflector sits on the tool"
+    return replace(said, parameters=values, equivalents=alike, separated_by=apart)
 
 
 def _of_nuisance(

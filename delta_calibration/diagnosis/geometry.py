@@ -39,6 +39,8 @@ Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
 _MOST = 700.0  # largest exponent whose exponential is finite
+_ANYWHERE = 1e-4  # share of the precision of a prior that hardly holds anything
+_ALIKE = 1e-6  # share of a column up to which it is a combination of others
 _SEEN = 1e-3  # least share of the prior's variance that the data must remove
 
 
@@ -142,6 +144,33 @@ def displaced(evidence: LinearizedModel) -> float:
 def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
     """Indices of the reflector's offset among the nuisance parameters, (3,)."""
     return entries(evidence.chain.layout.offset)
+
+
+def without_offset_prior(evidence: LinearizedModel) -> LinearizedModel:
+    """The evidence with a reflector that may be anywhere on its platform."""
+    precision = evidence.precision.copy()
+    precision[offset_rows(evidence)] *= _ANYWHERE
+    return replace(evidence, precision=precision)
+
+
+def like_the_offset(evidence: LinearizedModel) -> tuple[str, ...]:
+    """Causes of dimensions that move the readings exactly as the reflector's offset does.
+
+    Dimensions that the tracker's frame alone imitates are not among them.
+    """
+    layout, every = evidence.chain.layout, evidence.nuisance.reshape(evidence.size, -1)
+    geometry, frame = every[:, layout.geometry], every[:, layout.frame]
+    size = np.maximum(np.linalg.norm(geometry, axis=0), np.finfo(float).tiny)
+
+    def beside(columns: Array) -> Array:
+        """Share of each dimension's column that is no combination of some others."""
+        left = geometry - columns @ np.linalg.lstsq(columns, geometry, rcond=None)[0]
+        return np.asarray(np.linalg.norm(left, axis=0) / size)
+
+    both = np.hstack([every[:, layout.offset], frame])
+    alike = (beside(both) < _ALIKE) & (beside(frame) > _ALIKE)
+    names = (one.cause for one, same in zip(dimensions(evidence), alike, strict=True) if same)
+    return tuple(dict.fromkeys(names))
 
 
 def without(evidence: LinearizedModel, rows: NDArray[np.int64]) -> LinearizedModel:

@@ -40,7 +40,7 @@ from delta_calibration.diagnosis.findings import (
     of_term,
 )
 from delta_calibration.diagnosis.fitted import Fitted, beside
-from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.geometry import scatter_of, without_offset_prior
 from delta_calibration.diagnosis.identifiability import unseen
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
@@ -348,9 +348,10 @@ def _among(terms: Sequence[Candidate], one: Candidate) -> bool:
 def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Candidate, Finding]:
     """Reduce the confidence in causes that may only look like an error without a name.
 
-    A step at the only change of payload may be an effect of the payload. A cause may be a part of a map in the model that explains more, if that map could also make the
-    signal of the cause, or if the cause does not clearly improve predictions of held-out data; or
-    of a map that explains some of the errors left beside it.
+    A step at the only change of payload may be an effect of the payload. A cause may be a part of
+    a map in the model that explains more, if that map could also make the signal of the cause, or
+    if the cause does not clearly improve predictions of held-out data; or of a map that explains
+    some of the errors left beside it.
     """
     maps = [term for term in found.model.terms if term.unexplained]
     larger = max((f.signal for m, f in said.items() if m.unexplained), default=0.0)
@@ -424,14 +425,16 @@ def _of_what_is_fitted(
 
     Unknown structure biases them (`bent`): then only an outlier among the dimensions is a finding.
     """
-    scatter = scatter_of(found.model.beside)
+    reflector, evidence = of_reflector(found, held, rng), found.model.beside
+    # a tool may only take a part of what the reflector is off
+    scatter = scatter_of(evidence if reflector is None else without_offset_prior(evidence))
     one = None
     if scatter.outlier is not None:
         one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)
     if bent:
         return [] if one is None else [one]
     every = of_geometry(found, scatter, held, rng) if one is None else None
-    return [f for f in (one, every, of_reflector(found, held, rng)) if f is not None]
+    return [f for f in (one, every, reflector) if f is not None]
 
 
 def _audited(model: Fitted, rng: np.random.Generator) -> ResidualTests:

@@ -48,6 +48,7 @@ _SMALL = 1e-3  # share of the largest weight below which a dimension is left out
 _FARTHEST = 50.0  # tolerances; a dimension that needs more to show carries no law
 _COORDINATES = 3
 _MOVED = 1e-9  # least change of a quantity, in its unit
+_SLIGHTLY = 1e-6  # the same at one joint, as a share of the change at all joints
 
 _OF_POWERS = ("line", "quadratic", "cubic")
 
@@ -356,8 +357,8 @@ class Grammar:
     def _changes(self, quantity: Quantity, target: Target) -> bool:
         """Whether the quantity changes at this target: an upright joint bears no weight."""
         places = quantity.places(self.signals.places, target, self._joints)
-        values = self.signals.rows[:, list(places)]
-        return bool((np.ptp(values, axis=0) > _MOVED).any())
+        here = np.ptp(self.signals.rows[:, list(places)], axis=0).max()
+        return bool(here > max(_MOVED, _SLIGHTLY * np.ptp(self._values(quantity))))
 
     def _range(self, quantity: Quantity) -> tuple[float, float]:
         values = self._values(quantity)
