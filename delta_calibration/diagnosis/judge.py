@@ -228,7 +228,7 @@ def _less_than_a_law(
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
-    All together, or several of one joint. They are removed even if no law is sure enough to be
+    All together, several of one joint, or one beside the others. They are removed even if no law is sure enough to be
     reported; then a map may take their place.
     """
     if not found.model.placed:
@@ -249,7 +249,7 @@ def _less_than_a_law(
 
 
 def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:
-    """Sets of named causes that may be one law: all of them, and several of the same joint."""
+    """Sets of named causes that may be one law: all of them, several of one joint, and each."""
     named = tuple(m for m in said if m.effect is not None and not m.unexplained)
     if named:
         yield named
@@ -257,6 +257,8 @@ def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:
         here = tuple(m for m in named if m.location == place)
         if 1 < len(here) < len(named):
             yield here
+    if len(named) > 1:
+        yield from ((m,) for m in named)
 
 
 def _doubted(finding: Finding, doubt: float) -> Finding:
