@@ -228,8 +228,8 @@ def _less_than_a_law(
 ) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
     """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
-    All together, several of one joint, or one beside the others. They are removed even if no law is sure enough to be
-    reported; then a map may take their place.
+    All together, several of one joint, or one beside the others. They are removed even if no law
+    is sure enough to be reported; then a map may take their place.
     """
     if not found.model.placed:
         return found, held, said
