@@ -62,7 +62,7 @@ SHAPES = {
     "transmission_error": [{"cycles": 7.5}, {"cycles": 7.5, "second": 2.0}],
     **{
         f"thermal_growth_{part}": [{"sensor": "arm"}, {"time_constant": 900.0}, CYCLE]
-        for part in ("arm", "base", "forearm", "link")
+        for part in ("arm", "base", "forearm", "link", "screw")
     },
 }
 needs_casadi = pytest.mark.skipif(

@@ -307,3 +307,12 @@ def test_the_top_of_a_search_is_between_its_neighbours() -> None:
     """Of points that are alike the middle one is taken, which need not be the highest."""
     assert _vertex(1.0, 2.0, 1.5) == pytest.approx(1 / 6)
     assert _vertex(0.0, 1.0, 1.99) == 1.0
+
+
+def test_laws_of_travel_are_tried_though_it_is_unknown_before_the_first_reversal(start) -> None:
+    known = signals_of(start.evidence, ROBOT)
+    rows = known.rows.copy()
+    rows[:20, known.places.slices["travel"]] = np.inf
+    signals = replace(known, rows=rows)
+    laws = Grammar(ROBOT, start.evidence, signals).laws()
+    assert {t.joint for law in laws if law.of.name == "travel" for t in law.targets} == {0, 1, 2}

@@ -13,6 +13,9 @@ from delta_calibration.errors import InputError
 Array = NDArray[np.float64]
 
 
+SAME_PAYLOAD = 1e-3  # [kg] a smaller change of the payload is none
+
+
 @dataclass(frozen=True)
 class Conditions:
     """Joint angles of n samples and the conditions under which they were taken.

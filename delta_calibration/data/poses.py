@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.data.conditions import Conditions, joined
+from delta_calibration.data.conditions import SAME_PAYLOAD, Conditions, joined
 from delta_calibration.data.motion import Motion, largest_around, motion_of
 from delta_calibration.data.readings import Readings, Rejected, match
 from delta_calibration.data.still import StillMoments, find_still
@@ -23,7 +23,6 @@ Index = NDArray[np.int64]
 
 _SAME_PLACE = 200e-6  # [rad of a Delta] commands this close are the same place
 _PAIRS = 6  # least number of pairs of successive stops that show an unrecorded motion
-_SAME_PAYLOAD = 1e-3  # [kg]
 _PAUSE = 0.25  # [s] readings farther apart belong to different paths
 _PATH_READINGS, _PATH_LENGTH = 20, 0.02  # [rad of a Delta] of the shortest path used
 # a joint speed below this share of the largest within so long [s] before and after is rest
@@ -193,7 +192,7 @@ def _poses(
     payload, centre = _payload(session.payload, stamps)
     direction, travel = motion.sides(moments.begin)
     place = _clusters(moments.command, _SAME_PLACE * joint_size)
-    held = _clusters(np.nan_to_num(payload, nan=-1.0)[:, None], _SAME_PAYLOAD)
+    held = _clusters(np.nan_to_num(payload, nan=-1.0)[:, None], SAME_PAYLOAD)
     _, repeat = np.unique(
         np.column_stack([place, held, direction.astype(np.int64)]), axis=0, return_inverse=True
     )

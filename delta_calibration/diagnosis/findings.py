@@ -47,8 +47,8 @@ from delta_calibration.diagnosis.geometry import (
     as_known,
     at_scatter,
     displaced,
-    like_the_offset,
     offset_rows,
+    same_as_the_offset,
     with_whole,
     without,
     without_geometry,
@@ -391,7 +391,7 @@ def of_reflector(
         return None
     rows = offset_rows(evidence)
     said = _of_nuisance(found.model, "smr_offset", "measurement", rows, log_p, held, rng)
-    alike = like_the_offset(evidence)
+    alike = same_as_the_offset(evidence)
     return _with_the_tool(said, found.model, alike) if alike else said
 
 

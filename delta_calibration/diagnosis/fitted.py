@@ -150,6 +150,10 @@ class Fitted(ABC):
     def rested(self) -> Fitted:
         """The same model with all unknowns converged on all that was measured."""
 
+    def placed_freely(self) -> Fitted:
+        """The same fit with a reflector that may sit anywhere, if one is fitted."""
+        return self
+
     def everything(self) -> Fitted:
         """The same fit, with the poses that it set aside as gross errors included again."""
         return self

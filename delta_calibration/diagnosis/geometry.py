@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
 _MOST = 700.0  # largest exponent whose exponential is finite
-_ANYWHERE = 1e-4  # share of the precision of a prior that hardly holds anything
+ANYWHERE = 1e-4  # share of the precision of a prior that hardly holds anything
 _ALIKE = 1e-6  # share of a column up to which it is a combination of others
 _SEEN = 1e-3  # least share of the prior's variance that the data must remove
 
@@ -149,11 +149,11 @@ def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
 def without_offset_prior(evidence: LinearizedModel) -> LinearizedModel:
     """The evidence with a reflector that may be anywhere on its platform."""
     precision = evidence.precision.copy()
-    precision[offset_rows(evidence)] *= _ANYWHERE
+    precision[offset_rows(evidence)] *= ANYWHERE
     return replace(evidence, precision=precision)
 
 
-def like_the_offset(evidence: LinearizedModel) -> tuple[str, ...]:
+def same_as_the_offset(evidence: LinearizedModel) -> tuple[str, ...]:
     """Causes of dimensions that move the readings exactly as the reflector's offset does.
 
     Dimensions that the tracker's frame alone imitates are not among them.

@@ -21,6 +21,7 @@ from delta_calibration.diagnosis.verdict import (
     UnknownStructure,
 )
 from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.base import SENSOR
 
 Array = NDArray[np.float64]
 
@@ -42,11 +43,6 @@ def unseen(
         unknown: structure that no cause explains.
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
-    said += [
-        CannotTell((term.cause, "an effect of the payload"), _TOGETHER, _CHANGE_AGAIN)
-        for term in terms
-        if term.effect is not None and term.effect.begins_with_payload(evidence.at)
-    ]
     found = {finding.cause for finding in findings}
     reasons: dict[tuple[str, str], list[str]] = {}
     whole = beside(evidence, terms)
@@ -73,6 +69,15 @@ def unseen(
     return tuple(said)
 
 
+def with_payload(causes: Sequence[Candidate], at: Conditions) -> tuple[CannotTell, ...]:
+    """Causes found that begin at the only change of payload: they may be an effect of it."""
+    return tuple(
+        CannotTell((one.cause, "an effect of the payload"), _TOGETHER, _CHANGE_AGAIN)
+        for one in causes
+        if one.effect is not None and one.effect.begins_with_payload(at)
+    )
+
+
 _NOTHING = "none"
 _OF_NEED = {
     "direction": ("direction",),
@@ -85,7 +90,6 @@ _COVERED = (
 )
 _TOGETHER = "the error sets in at the moment when the payload changes"
 _CHANGE_AGAIN = "change the payload again, and back, and measure some poses each time"
-_NO_THERMOMETER = "no temperature was recorded"
 _WARMER = 1.0  # [K] range of a temperature from which it counts as changed
 _MOST = 0.8  # share of the squared deviations that imitate an effect
 
@@ -189,8 +193,8 @@ def _constant(evidence: LinearizedModel, effect: Effect) -> str:
     resting = _resting(at)
     at_rest = at.take(resting)
     cool = not (np.ptp(at.temperature, axis=0) > _WARMER).any()
-    if "temperature" in effect.needs and cool:
-        return "the temperature hardly changed" if at.temperature_parts else _NO_THERMOMETER
+    if effect.settings.get(SENSOR) and cool:
+        return "the temperature hardly changed"
     if resting.all() and not effect.columns(at_rest).any():
         return "nothing was measured in motion"
     if "payload" in effect.needs and np.ptp(at.payload) == 0:

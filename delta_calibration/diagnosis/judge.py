@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
     ALPHA,
+    IMPERFECT,
     LACKING,
     LEAST_SURE,
     LIKELIER,
@@ -41,7 +42,7 @@ from delta_calibration.diagnosis.findings import (
 )
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of, without_offset_prior
-from delta_calibration.diagnosis.identifiability import unseen
+from delta_calibration.diagnosis.identifiability import unseen, with_payload
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
 from delta_calibration.diagnosis.model_selection import worth_it
@@ -71,6 +72,10 @@ from delta_calibration.errors import DataError
 Array = NDArray[np.float64]
 
 STEPS = ("geometry", "causes", "held-out data", "what is left")
+
+
+# the search, held-out errors of its model, and the finding of each of its terms
+Confirmed = tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]
 
 
 @dataclass(frozen=True)
@@ -120,7 +125,7 @@ def judged(
         found, held, said = _borne_out(named, start, effects, rng, maps)
         if said:  # a map that does not predict held-out data still shows remaining structure
             found = replace(found, last=scanned(found.model, effects, rng))
-    found, held, said = _less_than_a_law(found, held, said, effects, rng)
+    found, held, said = _less_than_a_law((found, held, said), start, effects, rng)
     step(STEPS[3])
     aside = Aside.of(found.model, rng)
     left = _audited(found.model, rng)
@@ -159,8 +164,13 @@ def judged(
         extended=held.told(_name(terms, start.placed), after),
         findings=tuple(findings),
         unknown_structure=unknown,
-        cannot_tell=unseen(found.model.evidence, terms, effects, findings, unknown),
+        cannot_tell=(
+            *with_payload(tuple(said), found.model.evidence.at),
+            *unseen(found.model.evidence, terms, effects, findings, unknown),
+        ),
     )
+    if any(f.cause == "smr_offset" and f.equivalents for f in findings):
+        found = replace(found, model=found.model.placed_freely())  # as the finding tells it
     found = replace(found, fits=None)  # they are as large as the session
     return Judgement(verdict, found.model, found, left, held, against, after, refused, laws)
 
@@ -220,32 +230,33 @@ def _loosened(start: Fitted, found: Fitted) -> Fitted:
 
 
 def _less_than_a_law(
-    found: SearchResult,
-    held: HeldOutModels,
-    said: dict[Candidate, Finding],
-    effects: Sequence[Effect],
-    rng: np.random.Generator,
-) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
+    confirmed: Confirmed, start: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+) -> Confirmed:
     """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
 
     All together, several of one joint, or one beside the others. They are removed even if no law
     is sure enough to be reported; then a map may take their place.
     """
+    found, held, said = confirmed
     if not found.model.placed:
-        return found, held, said
+        return confirmed
+    most = dict.fromkeys(said, 0.0)
     for named in _perhaps_one(tuple(said)):
         others = tuple(m for m in found.model.terms if m not in named)
         without = beside(found.model.evidence, others)  # about the fit with them: it favours them
-        doubt = doubts_of_names(without, named, effects[0].robot)
-        doubted = {m: _doubted(f, doubt) if m in named else f for m, f in said.items()}
-        if doubt >= LIKELIER or any(doubted[m].confidence < LEAST_SURE for m in named):
+        # the law may also make up for errors of the models of the others
+        spare = IMPERFECT / 2 * sum(said[m].signal for m in others if m in said)
+        doubt = doubts_of_names(without, named, effects[0].robot, spare)
+        most |= {m: max(most[m], doubt) for m in named}
+        left = min(_doubted(said[m], doubt).confidence for m in named)
+        if doubt >= LIKELIER or left < LEAST_SURE:
             kept = tuple(m for m in said if m not in named and not m.unexplained)
             bare = found.model.fitted(kept)
             last = scanned(bare, effects, rng).without((*named, *kept))
             mapped = bare if last.map is None else bare.fitted((*kept, last.map.candidate))
-            return _holding(replace(found, model=mapped, last=last), bare, rng)
-        said = doubted
-    return found, held, said
+            fewer = _holding(replace(found, model=mapped, last=last), start, rng)
+            return _less_than_a_law(fewer, start, effects, rng)
+    return found, held, {m: _doubted(f, most[m]) for m, f in said.items()}
 
 
 def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:
@@ -313,7 +324,7 @@ def _borne_out(
     effects: Sequence[Effect],
     rng: np.random.Generator,
     gone: tuple[Candidate, ...] = (),
-) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
+) -> Confirmed:
     """Remove, one by one, terms that cannot be trusted or do not hold on held-out data.
 
     A cause that becomes significant only after such terms are removed is added.
@@ -392,9 +403,7 @@ def _in_doubt(finding: Finding, last: Scan) -> bool:
     return last.nameless and last.left is not None and last.left.gain > SOME * finding.signal
 
 
-def _holding(
-    found: SearchResult, start: Fitted, rng: np.random.Generator
-) -> tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]:
+def _holding(found: SearchResult, start: Fitted, rng: np.random.Generator) -> Confirmed:
     """As `_borne_out`, but without a scan for causes that become significant."""
     while True:
         weak = untrusted(found.model)
@@ -428,8 +437,9 @@ def _of_what_is_fitted(
     Unknown structure biases them (`bent`): then only an outlier among the dimensions is a finding.
     """
     reflector, evidence = of_reflector(found, held, rng), found.model.beside
-    # a tool may only take a part of what the reflector is off
-    scatter = scatter_of(evidence if reflector is None else without_offset_prior(evidence))
+    if reflector is not None and reflector.equivalents and not bent:
+        evidence = without_offset_prior(evidence)  # the tool may only take a part of it
+    scatter = scatter_of(evidence)
     one = None
     if scatter.outlier is not None:
         one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)

@@ -357,8 +357,8 @@ class Grammar:
     def _changes(self, quantity: Quantity, target: Target) -> bool:
         """Whether the quantity changes at this target: an upright joint bears no weight."""
         places = quantity.places(self.signals.places, target, self._joints)
-        here = np.ptp(self.signals.rows[:, list(places)], axis=0).max()
-        return bool(here > max(_MOVED, _SLIGHTLY * np.ptp(self._values(quantity))))
+        here = max(_spread(column) for column in self.signals.rows[:, list(places)].T)
+        return here > max(_MOVED, _SLIGHTLY * _spread(self._values(quantity)))
 
     def _range(self, quantity: Quantity) -> tuple[float, float]:
         values = self._values(quantity)
@@ -462,3 +462,9 @@ class Grammar:
             own = tuple((int(c), float(w)) for c, w in found if w != 0.0)
             targets.append(Target(part, name, own, unit))
         return targets
+
+
+def _spread(values: Array) -> float:
+    """Range of a quantity where it is known: travel is not, before a joint's first reversal."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0

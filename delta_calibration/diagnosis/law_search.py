@@ -126,30 +126,36 @@ def likely_laws(
     return tuple(found)
 
 
-def doubts_of_names(evidence: LinearizedModel, named: Sequence[Candidate], robot: Robot) -> float:
+def doubts_of_names(
+    evidence: LinearizedModel, named: Sequence[Candidate], robot: Robot, spare: float = 0.0
+) -> float:
     """Probability that a single law, and not the named causes, produced the readings.
 
     Several causes together can imitate one law of another form; the law then explains as much at
-    a lower price. A law that explains only slightly more than a single cause raises no doubt if
-    that is named alone, or if both act on the same stage: effects of the catalogue are models, and
-    machines differ from them by a few per cent, which another cause may seem to explain.
+    a lower price, and so can one cause beside others. A law that explains only slightly more than
+    a single cause raises no doubt if that is compared alone, or if both act on the same stage:
+    effects of the catalogue are models, and machines differ from them by a few per cent, which
+    another cause may seem to explain.
 
     Args:
         evidence: the residuals without the causes.
         named: the causes.
         robot: the machine.
+        spare: ln B that a law may owe to errors of other causes, which are in the evidence.
     """
     if evidence.axes != _COORDINATES:
         return 0.0
     signals = signals_of(evidence, robot)
     laws = list(Grammar(robot, evidence, signals).laws())
+    if not laws:
+        return 0.0
     guesses = _finer(Screen(evidence, signals), laws)
     alone = [worth(evidence, [term]) for term in named]
     strongest = named[int(np.argmax(alone))].effect
     least = worth(evidence, named)
     if len(named) == 1 or (strongest and strongest.stage is guesses[0].parts[0].stage):
         least = max(least, (1 + MODELLED) * max(alone))
-    return float(expit((guesses[0].log_p - least) / TEMPER))
+    return float(expit((guesses[0].log_p - least - spare) / TEMPER))
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:

@@ -18,7 +18,7 @@ from delta_calibration.diagnosis.constants import (
     STRAYED,
 )
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
-from delta_calibration.diagnosis.geometry import at_scatter
+from delta_calibration.diagnosis.geometry import ANYWHERE, at_scatter
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
@@ -203,6 +203,12 @@ class Model(Fitted):
         """
         wider = _joined(replace(self, scatter=scatter, seen=None))
         return wider if np.isfinite(_residual(wider)).all() else self
+
+    def placed_freely(self) -> Model:
+        """The fit with a reflector that may sit anywhere on its platform."""
+        basis = self.problem.basis.copy()
+        basis[:, _offset(self)] /= np.sqrt(ANYWHERE)
+        return replace(self, problem=replace(self.problem, basis=basis), seen=None).rested()
 
     def everything(self) -> Model:
         """The same fit, with the poses that it set aside as gross errors in use again."""

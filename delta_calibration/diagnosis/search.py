@@ -324,7 +324,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     if len(named) < count:
         sets.append(named)
     sets += model.in_other_shapes
-    sets += _whole(terms)
+    sets += _with_all_values(terms)
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)
         least = together.fit(kept)[1]
@@ -339,7 +339,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     return _likeliest(fits, fits.of_swaps(sets, model), short, model)
 
 
-def _whole(terms: tuple[Candidate, ...]) -> Iterator[tuple[Candidate, ...]]:
+def _with_all_values(terms: tuple[Candidate, ...]) -> Iterator[tuple[Candidate, ...]]:
     """The terms without one of them, and with all values of another one free instead.
 
     A cause found with a part of its values leaves what the others do, and a second cause may take

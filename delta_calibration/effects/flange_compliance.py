@@ -27,7 +27,7 @@ for assembly.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 from scipy.spatial.transform import Rotation
@@ -45,6 +45,7 @@ from delta_calibration.parameters import Parameter, ParameterSet
 
 _SHIFT, _SOFTEST_SHIFT = 1e-7, 1e-5  # [m/N]
 _TURN, _SOFTEST_TURN = 5e-5, 2e-3  # [rad/(N m)]
+_USUAL = 0.15  # [m]
 _ROWS = ("tool_x", "tool_y", "tool_z", "tool_turn_x", "tool_turn_y", "tool_turn_z")
 
 
@@ -68,7 +69,7 @@ class FlangeCompliance(Effect):
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"behind": ("behind_m", "m")}
 
-    behind: float = 0.15  # [m] from the tool centre point back to the flange: a gripper's length
+    behind: float = _USUAL  # [m] from the tool centre point back to the flange: a gripper's length
 
     @property
     def suits(self) -> bool:
@@ -114,6 +115,12 @@ class FlangeCompliance(Effect):
         assert isinstance(arm, SerialArm)
         mount = Rotation.from_euler("ZYX", arm.dimensions.mount).as_matrix()
         return (self.behind, *mount.ravel().tolist())
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """A flange at the usual distance, at half of it and at twice."""
+        del at
+        for share in (1.0, 0.5, 2.0):
+            yield replace(self, behind=share * _USUAL)
 
     def intervals(self) -> tuple[Interval, ...]:
         """Up to half as far again, or half as far: in the middle stays what no reading decides."""

@@ -131,6 +131,13 @@ class Growth(Effect):
         """Whether growth follows time; with a sensor it stays valid."""
         return not self.sensor
 
+    def doubt(self) -> Effect | None:
+        """Effect of a sensor's delay behind its part, which is not known; None over time."""
+        if not self.sensor:
+            return None
+        of_stage = _DriveBehind if self.stage is Stage.DRIVE else _Behind
+        return of_stage(self.robot, self.mechanism, self)
+
     def _warms(self, places: Places) -> tuple[int, float]:
         """Signal that the warming follows; and 1, or NaN if it is a sensor that does not exist."""
         if not self.sensor:
@@ -175,10 +182,6 @@ class ThermalGrowth(Growth):
         for row in np.flatnonzero(lengths).tolist():
             yield Term((signal,), (0,), (row,), (known * float(lengths[row]), *self._course))
 
-    def doubt(self) -> Effect | None:
-        """Effect of a sensor's delay behind its part, which is not known; None over time."""
-        return _Behind(self.robot, self.mechanism, self) if self.sensor else None
-
     def nominal_of(self, cause: str) -> Array:
         """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""
         parameters = self.mechanism.parameters
@@ -193,7 +196,7 @@ class _Behind(Effect):
     kind: ClassVar[str] = "structure"
     stage: ClassVar[Stage] = Stage.STRUCTURE
 
-    growth: ThermalGrowth
+    growth: Growth
 
     @property
     def parameters(self) -> ParameterSet:
@@ -203,7 +206,7 @@ class _Behind(Effect):
     def columns_of(
         self, signals: Signals, values: Array | None = None, by_stage: Array | None = None
     ) -> Array:
-        """See `Effect.columns_of`; for the stage itself (n, p, 1) [m K]; needs whole sessions."""
+        """See `Effect.columns_of`; needs whole sessions, to know how fast a part warms."""
         clock = signals.of(TIME)[:, 0]
         order = np.argsort(clock)
         begin = signals.places.temperature(self.growth.sensor)
@@ -211,5 +214,14 @@ class _Behind(Effect):
         ends = np.clip(clock + np.array([[-_AROUND], [_AROUND]]), time[0], time[-1])
         rise, span = np.diff(np.interp(ends, time, celsius), axis=0)[0], np.ptp(ends, axis=0)
         rate = np.divide(rise, span, out=np.zeros_like(rise), where=span > 0)
-        grown = _BEHIND * rate[:, None, None] * self.growth.lengths()[:, None]
-        return np.asarray(grown if by_stage is None else by_stage @ grown)
+        rows = signals.rows.copy()
+        rows[:, begin] = REFERENCE + _BEHIND * rate
+        return self.growth.columns_of(replace(signals, rows=rows), values, by_stage)
+
+
+@dataclass(frozen=True)
+class _DriveBehind(_Behind):
+    """The same of growth that moves the joints."""
+
+    kind: ClassVar[str] = "drive"
+    stage: ClassVar[Stage] = Stage.DRIVE

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import ClassVar, cast
 
 from delta_calibration.data import Conditions
@@ -78,11 +79,17 @@ class ThermalGrowthScrew(Growth):
 
         What makes all parts of a room go up and down makes all screws do so alike.
         """
-        for shape in cast("Iterator[ThermalGrowthScrew]", super().shapes(at)):
-            for end in travel(self.robot, self.mechanism):
-                yield replace(shape, bearing=end, alike=1.0)
-                if not shape.period:
-                    yield replace(shape, bearing=end, alike=0.0)
+        shapes = tuple(cast("Iterator[ThermalGrowthScrew]", super().shapes(at)))
+        ends = travel(self.robot, self.mechanism)
+        for alike in (1.0, 0.0):
+            for shape, end in product(shapes, ends):
+                if alike or not shape.period:
+                    yield replace(shape, bearing=end, alike=alike)
+
+    def wrong(self) -> str:
+        """Also check that screws grow alike or not."""
+        other = "" if self.alike in (0.0, 1.0) else f"alike {self.alike:g} is not allowed; 0 or 1"
+        return super().wrong() or other
 
     @property
     def chosen(self) -> dict[str, str]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
+from delta_calibration.data.conditions import SAME_PAYLOAD
 from delta_calibration.effects.base import Effect, Interval, Limits
 from delta_calibration.effects.regressor import CLOCK, Regressor
 from delta_calibration.model.symbols import Symbol, exp, maximum, sin, where
@@ -161,10 +162,10 @@ class Drift(Effect):
 
     def begins_with_payload(self, at: Conditions) -> bool:
         """Whether it is a step where the payload changes, once, as closely as steps are sought."""
-        resting = (at.velocity == 0).all(axis=1)
-        order = np.argsort(at.time[resting], kind="stable")
-        time, payload = at.time[resting][order], at.payload[resting][order]
-        changes = np.flatnonzero(np.abs(np.diff(payload)) > 0) + 1
+        rows = np.flatnonzero((at.velocity == 0).all(axis=1) & np.isfinite(at.payload))
+        rows = rows[np.argsort(at.time[rows], kind="stable")]
+        time, payload = at.time[rows], at.payload[rows]
+        changes = np.flatnonzero(np.abs(np.diff(payload)) > SAME_PAYLOAD) + 1
         if self.step_at < 0 or len(changes) != 1:
             return False
         return bool(abs(np.sum(time < self.step_at) - changes[0]) <= max(1, len(time) // _STEPS))
