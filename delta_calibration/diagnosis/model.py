@@ -324,6 +324,8 @@ def rested(model: Model) -> Model:
     floor; the steps after it, with that offset held, lead back. Searched fields are refined before
     each step: their best values depend on the others. A result is kept if its cost is lower.
     """
+    if not len(model.survey.paths) and all(term.plain for term in model.terms):
+        return model  # converged on the poses, in its only shape
     misfit = model.misfit
     cost = _cost(model, misfit)
     for _ in range(_ROUNDS):

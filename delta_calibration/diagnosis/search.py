@@ -342,12 +342,13 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
 def _with_all_values(terms: tuple[Candidate, ...]) -> Iterator[tuple[Candidate, ...]]:
     """The terms without one of them, and with all values of another one free instead.
 
-    A cause found with a part of its values leaves what the others do, and a second cause may take
-    their place: a tracker that was shifted and turned, as a shift and a joint that slipped.
+    A cause of the whole machine found with a part of its values leaves what the others do, and a
+    second cause may take their place: a tracker that was shifted and turned, as a shift and a
+    joint that slipped.
     """
     for i, term in enumerate(terms):
         whole = term.with_all_values
-        if not term.unexplained and len(whole.rows) > len(term.rows):
+        if term.location is None and not term.unexplained and len(whole.rows) > len(term.rows):
             for j in range(len(terms)):
                 if j != i:
                     yield tuple(whole if k == i else m for k, m in enumerate(terms) if k != j)
