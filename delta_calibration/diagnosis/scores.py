@@ -159,7 +159,7 @@ class Weighed:
             shapes: for each shape the candidates that share its columns except for units: the
                 whole effect first, then parts of it.
         """
-        best: dict[tuple[int, bool, int], _Best] = {}
+        best: dict[tuple[int, bool], _Best] = {}
         for groups, information, b in self._products(shapes):
             whole = groups[0][0]
             for i, same in enumerate(zip(*groups, strict=True)):
@@ -173,15 +173,10 @@ class Weighed:
                 for kind, of_kind in _by_kind(same):
                     some = [same[k] for k in np.arange(len(same))[of_kind]]
                     here = _best_of(some, own[of_kind], along[of_kind], units)
-                    key = i, kind, len(rows)
-                    known = best.get(key)
-                    best[key] = here if known is None else known.or_better(here)
-        likeliest: dict[int, Score] = {}
-        for i, size in dict.fromkeys((i, size) for i, _, size in best):  # more values have more D
-            one = self._charged(*(best.get((i, kind, size)) for kind in (True, False)))
-            if i not in likeliest or one.log_bayes > likeliest[i].log_bayes:
-                likeliest[i] = one
-        return list(likeliest.values())
+                    known = best.get((i, kind))
+                    best[i, kind] = here if known is None else known.or_better(here)
+        kinds = ([best.get((i, kind)) for kind in (True, False)] for i in {i: 0 for i, _ in best})
+        return [self._charged(*both) for both in kinds]
 
     def _products(
         self, shapes: Sequence[Sequence[Candidate]]
