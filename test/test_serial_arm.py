@@ -260,9 +260,13 @@ def test_a_reflector_off_its_place_is_told_with_the_tool_that_would_look_alike()
     away = replace(near, tracker=replace(near.tracker, reflector_offset=off))
     plan = replace(make_plan("identify", arm, count=60, seed=7), paths=())
     session = simulate_session(draw_machine(away, 7), plan, 7)
-    (said,) = diagnose(survey(session, arm.joints.names), near).verdict.findings
+    found = diagnose(survey(session, arm.joints.names), near)
+    (said,) = found.verdict.findings
     assert said.cause == "smr_offset"
     assert "tool_position" in said.equivalents
     assert said.separated_by
     for value, true in zip(said.parameters.values(), off, strict=True):
         assert abs(value.value - true) < 3.5 * value.std
+    told = [value.value for value in said.parameters.values()]
+    shipped = found.model.theta[found.model.layout.offset]
+    np.testing.assert_allclose(shipped, told, atol=1e-6)

@@ -220,12 +220,12 @@ def calibration_option(said: str, required: bool = False) -> Callable[[Function]
 
 
 def payload_option(said: str) -> Callable[[Function], Function]:
-    """`--payload`, a mass; `said` is its help text."""
+    """Option `--payload`, a mass in kilograms, with the help text `said`."""
     return click.option("--payload", type=MASS, default=None, metavar="KG", help=said)
 
 
 def temperature_option(said: str) -> Callable[[Function], Function]:
-    """`--temperature` of parts, passed as `temperatures`; `said` is its help text."""
+    """Option `--temperature`, once for each part, with the help text `said`."""
     return click.option(
         "--temperature",
         "temperatures",

@@ -12,7 +12,6 @@ from delta_calibration.errors import InputError
 
 Array = NDArray[np.float64]
 
-
 SAME_PAYLOAD = 1e-3  # [kg] a smaller change of the payload is none
 
 

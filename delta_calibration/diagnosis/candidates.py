@@ -108,9 +108,7 @@ class Candidate:
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
 
     def contains(self, other: Candidate) -> bool:
-        """Whether another candidate of the same cause is not tried beside it.
-
-        Because it has all its parameters, or moves all that it moves.
+        """Whether another candidate of the same cause moves nothing that it does not move already.
 
         Parameters are compared by name; those of curves of unlike resolution, and of other effects
         whose shapes have unlike parameters, by the joints that they move: a shared one moves all.

@@ -52,7 +52,6 @@ from delta_calibration.diagnosis.geometry import (
     with_whole,
     without,
     without_geometry,
-    without_offset_prior,
 )
 from delta_calibration.diagnosis.joint_fit import as_score
 from delta_calibration.diagnosis.linear_model import LinearizedModel
@@ -401,15 +400,14 @@ def _with_the_tool(said: Finding, model: Fitted, alike: tuple[str, ...]) -> Find
     The fit divides what it finds between both by their priors, of which that of the offset is
     refuted: the values are those of the offset if the tool is as drawn.
     """
-    evidence, rows = model.beside, offset_rows(model.beside)
-    free = without_offset_prior(evidence)
-    prior = np.array([model.bare.parameters.items[row].prior for row in rows])
-    moved = prior * (free.best() - evidence.best())[rows]
-    spread = np.sqrt(np.diag(free.covariance())[rows] * max(1.0, model.misfit))
+    free = model.placed_freely()
+    rows = offset_rows(free.beside)
+    unit = np.diag(free.problem.basis)[rows]
+    spread = unit * np.sqrt(np.diag(free.beside.covariance())[rows] * max(1.0, model.misfit))
     values = {
-        name: replace(one, value=one.value + by, std=float(std))
-        for (name, one), by, std in zip(
-            said.parameters.items(), moved.tolist(), prior * spread, strict=True
+        name: replace(one, value=value, std=std)
+        for (name, one), value, std in zip(
+            said.parameters.items(), free.theta[rows].tolist(), spread.tolist(), strict=True
         )
     }
     apart = "measure where the reflector sits on the tool"

@@ -39,7 +39,6 @@ Array = NDArray[np.float64]
 
 _SCATTERS = np.geomspace(0.01, 10.0, 61)
 _MOST = 700.0  # largest exponent whose exponential is finite
-ANYWHERE = 1e-4  # share of the precision of a prior that hardly holds anything
 _ALIKE = 1e-6  # share of a column up to which it is a combination of others
 _SEEN = 1e-3  # least share of the prior's variance that the data must remove
 
@@ -144,13 +143,6 @@ def displaced(evidence: LinearizedModel) -> float:
 def offset_rows(evidence: LinearizedModel) -> NDArray[np.int64]:
     """Indices of the reflector's offset among the nuisance parameters, (3,)."""
     return entries(evidence.chain.layout.offset)
-
-
-def without_offset_prior(evidence: LinearizedModel) -> LinearizedModel:
-    """The evidence with a reflector that may be anywhere on its platform."""
-    precision = evidence.precision.copy()
-    precision[offset_rows(evidence)] *= ANYWHERE
-    return replace(evidence, precision=precision)
 
 
 def same_as_the_offset(evidence: LinearizedModel) -> tuple[str, ...]:

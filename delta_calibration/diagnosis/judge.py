@@ -41,7 +41,7 @@ from delta_calibration.diagnosis.findings import (
     of_term,
 )
 from delta_calibration.diagnosis.fitted import Fitted, beside
-from delta_calibration.diagnosis.geometry import scatter_of, without_offset_prior
+from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.identifiability import unseen, with_payload
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
@@ -436,10 +436,10 @@ def _of_what_is_fitted(
 
     Unknown structure biases them (`bent`): then only an outlier among the dimensions is a finding.
     """
-    reflector, evidence = of_reflector(found, held, rng), found.model.beside
+    reflector, model = of_reflector(found, held, rng), found.model
     if reflector is not None and reflector.equivalents and not bent:
-        evidence = without_offset_prior(evidence)  # the tool may only take a part of it
-    scatter = scatter_of(evidence)
+        model = model.placed_freely()  # the tool may only take a part of what the reflector is off
+    scatter = scatter_of(model.beside)
     one = None
     if scatter.outlier is not None:
         one = of_dimension(found, scatter.tau, scatter.outlier, held, rng)

@@ -18,7 +18,7 @@ from delta_calibration.diagnosis.constants import (
     STRAYED,
 )
 from delta_calibration.diagnosis.fitted import Fitted, theta_layout, without_effects
-from delta_calibration.diagnosis.geometry import ANYWHERE, at_scatter
+from delta_calibration.diagnosis.geometry import at_scatter
 from delta_calibration.diagnosis.linear_model import Cell, LinearizedModel, gather, on_the_way
 from delta_calibration.diagnosis.memo import Memo
 from delta_calibration.diagnosis.set_aside import like_neighbours
@@ -44,6 +44,7 @@ _ROUNDS = 4
 _NOTHING = np.zeros(0, dtype=np.int64)
 _STILL = 0.5  # converged if no parameter moves by more than this share of its typical size
 _SETTLING = 2  # steps at a new offset of the reflector
+_ANYWHERE = 100.0  # factor on the prior of the reflector's offset that no longer holds it
 _LITTLE = 0.1  # predicted decrease of chi square that is not worth a step
 
 
@@ -206,9 +207,12 @@ class Model(Fitted):
 
     def placed_freely(self) -> Model:
         """The fit with a reflector that may sit anywhere on its platform."""
+        return self.memo.of("placed_freely", self._placed_freely)
+
+    def _placed_freely(self) -> Model:
         basis = self.problem.basis.copy()
-        basis[:, _offset(self)] /= np.sqrt(ANYWHERE)
-        return replace(self, problem=replace(self.problem, basis=basis), seen=None).rested()
+        basis[:, _offset(self)] *= _ANYWHERE
+        return _converged(replace(self, problem=replace(self.problem, basis=basis), seen=None))
 
     def everything(self) -> Model:
         """The same fit, with the poses that it set aside as gross errors in use again."""
@@ -318,14 +322,19 @@ def _joined(model: Model) -> Model:
 
 
 def rested(model: Model) -> Model:
-    """The model with all parameters and searched fields fitted to poses and paths.
+    """The model with all parameters and searched fields fitted to poses and paths."""
+    if not len(model.survey.paths) and all(term.plain for term in model.terms):
+        return model  # converged on the poses, in its only shape
+    return _converged(model)
+
+
+def _converged(model: Model) -> Model:
+    """The model after steps in all parameters and searched fields, while these lower its cost.
 
     A step in all parameters leads along the curved valley of the reflector's offset and off its
     floor; the steps after it, with that offset held, lead back. Searched fields are refined before
-    each step: their best values depend on the others. A result is kept if its cost is lower.
+    each step: their best values depend on the others.
     """
-    if not len(model.survey.paths) and all(term.plain for term in model.terms):
-        return model  # converged on the poses, in its only shape
     misfit = model.misfit
     cost = _cost(model, misfit)
     for _ in range(_ROUNDS):

@@ -45,7 +45,7 @@ from delta_calibration.parameters import Parameter, ParameterSet
 
 _SHIFT, _SOFTEST_SHIFT = 1e-7, 1e-5  # [m/N]
 _TURN, _SOFTEST_TURN = 5e-5, 2e-3  # [rad/(N m)]
-_USUAL = 0.15  # [m]
+_USUAL = 0.15  # [m] from the tool centre point back to the flange: a gripper's length
 _ROWS = ("tool_x", "tool_y", "tool_z", "tool_turn_x", "tool_turn_y", "tool_turn_z")
 
 
@@ -69,7 +69,7 @@ class FlangeCompliance(Effect):
     limits: ClassVar[Limits] = {"behind": (0.0, 2.0)}
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"behind": ("behind_m", "m")}
 
-    behind: float = _USUAL  # [m] from the tool centre point back to the flange: a gripper's length
+    behind: float = _USUAL  # [m] from the tool centre point back to the flange
 
     @property
     def suits(self) -> bool:
@@ -123,7 +123,7 @@ class FlangeCompliance(Effect):
             yield replace(self, behind=share * _USUAL)
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Up to half as far again, or half as far: in the middle stays what no reading decides."""
+        """Half of the distance to either side, so that it stays where no reading decides."""
         return (("behind", self.behind / 2, 1.5 * self.behind),)
 
     def regressor(self, at: Conditions) -> Regressor:
