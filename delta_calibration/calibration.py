@@ -64,11 +64,12 @@ class Calibration:
     def left_out(self) -> tuple[str, ...]:
         """Causes that were identified but cannot be compensated; see `why_left_out`."""
         effects = self.chain.effects
-        return tuple(e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
+        each = (e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
+        return tuple(dict.fromkeys(each))
 
     def why_left_out(self, cause: str) -> str:
         """Reason why an identified cause is not compensated, as the end of a sentence."""
-        (effect,) = (e for e in self.chain.effects if e.cause == cause)
+        effect = next(e for e in self.chain.effects if e.cause == cause)
         if effect.bound_to_session:
             return "it depends on the time since the start of a session"
         return "it moves the base, not the joints"

@@ -17,7 +17,8 @@ the loads that some effects depend on. Without effects q' = q, g' = g and y' = y
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, cast
 
@@ -72,8 +73,8 @@ class Chain:
             for name in FRAME_NAMES
         )
         own = tuple(
-            replace(p, name=f"{effect.cause}.{p.name}", prior=SPREAD * p.prior)
-            for effect in self.effects
+            replace(p, name=f"{name}.{p.name}", prior=SPREAD * p.prior)
+            for name, effect in zip(_named(self.effects), self.effects, strict=True)
             for p in effect.parameters
         )
         return self.mechanism.parameters + ParameterSet(offset + frame + own)
@@ -204,6 +205,15 @@ class Chain:
     def point(self, x: Array, offset: Array) -> Array:
         """Position in the base frame of a point fixed to the platform, (n, 3) [m]."""
         return self.mechanism.points(x, offset)
+
+
+def _named(effects: Sequence[Effect]) -> Iterator[str]:
+    """A name for each effect: its cause, numbered from the second if it repeats."""
+    count: Counter[str] = Counter()
+    for effect in effects:
+        count[effect.cause] += 1
+        again = effect.repeats and count[effect.cause] > 1
+        yield f"{effect.cause}_{count[effect.cause]}" if again else effect.cause
 
 
 def read_at(at: Conditions, seen: Seen) -> Conditions:

@@ -175,6 +175,23 @@ def test_unknown_conditions_are_told_where_they_are_needed(tmp_path):
     assert set(made.correct(q)[1]) == {CommandStatus.MISSING_CONDITION}
 
 
+def test_a_machine_can_have_two_gears(tmp_path):
+    robot = load_robot("srbd")
+    geared = effect_named("transmission_error", robot, robot.model(), {"cycles": 33.0})
+    effects = geared, replace(geared, cycles=50.0)
+    values = np.array([2e-4, 0, 0, 0, 0, 0]), np.array([0, 0, 0, 0, 0, 3e-4])
+    calibration = machine(robot, "rotary_delta", effects, values)
+    q = commands(robot, calibration.chain.mechanism, 20, 0)
+    out, verdicts = Compiled(calibration, tmp_path).correct(q)
+    assert set(verdicts) == {CommandStatus.CORRECTED}
+    np.testing.assert_allclose(
+        out, JointCompensator(calibration).compensate(q).joint, rtol=0, atol=SAME
+    )
+    plain = JointCompensator(machine(robot, "rotary_delta")).compensate(q).joint
+    waves = np.stack([2e-4 * np.sin(33 * out[:, 0]), 0 * out[:, 1], 3e-4 * np.cos(50 * out[:, 2])])
+    np.testing.assert_allclose(out + waves.T, plain, rtol=0, atol=1e-9)
+
+
 def test_without_effects_nothing_has_to_be_known(tmp_path):
     calibration = machine(load_robot("srbd"), "rotary_delta")
     made = Compiled(calibration, tmp_path)

@@ -288,8 +288,10 @@ def test_a_cause_given_twice_is_in_both_places():
     machine = machine_with(*gaps)
     assert values_of(machine) == {"gap_1": 3e-4, "gap_2": 0.0, "gap_3": 1e-4}
     assert machine.chain.effects[0].width == (3e-4, 0.0, 1e-4)  # backlash is crossed over its gap
-    with pytest.raises(InputError, match="transmission_error is given twice, with different set"):
-        machine_with("transmission_error:cycles=33", "transmission_error:cycles=66")
+    with pytest.raises(InputError, match="growth_arm is given twice, with different settings"):
+        machine_with("thermal_growth_arm:time_constant=600", "thermal_growth_arm:time_constant=9")
+    geared = machine_with("transmission_error:cycles=33", "transmission_error:cycles=50")
+    assert [effect.cycles for effect in geared.chain.effects] == [33.0, 50.0]
     arms = machine_with("arm_length:location=joint_1", "arm_length:location=joint_2", scatter=0.0)
     names = arms.chain.parameters.values(arms.theta)
     assert [names[f"arm_{leg}"] - 0.32 for leg in (1, 2, 3)] == pytest.approx([45e-5, 45e-5, 0])

@@ -31,7 +31,8 @@ class Candidate:
     """A candidate cause: an effect in one shape, or a dimension that is out of its tolerance.
 
     `rows` are the indices of the free parameters: those of the effect or, if there is no effect,
-    those of the mechanism's geometry.
+    those of the mechanism's geometry. `again` counts the terms of the same cause that it can stand
+    beside (`Effect.apart`): 1 for the second bump of a tracker's stand.
     """
 
     cause: str
@@ -39,6 +40,7 @@ class Candidate:
     location: str | None
     effect: Effect | None
     rows: tuple[int, ...]
+    again: int = 0
 
     @property
     def unexplained(self) -> bool:
@@ -87,7 +89,8 @@ class Candidate:
         family = self.effect.moves_with if self.effect is not None else None
         if family is not None:
             return f"{self.cause} ({family})"
-        return self.cause if self.location is None else f"{self.cause} at {self.location}"
+        name = f"{self.cause} ({self.again + 1})" if self.again else self.cause
+        return name if self.location is None else f"{name} at {self.location}"
 
     @property
     def key(self) -> str:
@@ -103,12 +106,28 @@ class Candidate:
         own = () if self.effect is None else tuple(self.effect.settings.items())
         return self.label, self.rows, own
 
-    def same_cause(self, other: Candidate) -> bool:
+    def same_name(self, other: Candidate) -> bool:
         """Whether both would be reported under the same name."""
         return self.cause == other.cause and (not self.unexplained or self.label == other.label)
 
+    def same_cause(self, other: Candidate) -> bool:
+        """Whether they cannot stand beside each other: the same name, for the same occasion."""
+        return self.same_name(other) and self.again == other.again
+
+    def beside(self, used: Sequence[Candidate]) -> Candidate:
+        """The candidate for the occasion that it has beside the terms in use."""
+        if self.effect is None:
+            return self
+        same = [m for m in used if m.cause == self.cause and m.effect is not None]
+        for m in same:
+            if m.effect is not None and not m.effect.apart(self.effect):
+                return replace(self, again=m.again) if m.again else self
+        taken = {m.again for m in same}
+        again = next(k for k in range(len(same) + 1) if k not in taken)
+        return replace(self, again=again) if again else self
+
     def contains(self, other: Candidate) -> bool:
-        """Whether another candidate of the same cause moves nothing that it does not move already.
+        """Whether another of the same cause and occasion moves nothing that it does not already.
 
         Parameters are compared by name; those of curves of unlike resolution, and of other effects
         whose shapes have unlike parameters, by the joints that they move: a shared one moves all.

@@ -424,13 +424,36 @@ def _ahead(about: Shapes, term: Candidate) -> Candidate:
 
 
 def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
-    """The best shape within the interval of one field, by a grid search that zooms in."""
-    assert term.effect is not None
+    """The best shape within the interval of one field, by a grid search that zooms in.
+
+    Values at which the effect jumps are tried one by one, and zoomed into if one is better.
+    """
     name, low, high = interval
+    found = _zoomed_between(about, term, name, low, high)
+    assert found.effect is not None
+    values = found.effect.jumps(name, about.evidence.at)
+    if not len(values):
+        return found
+    gains = gains_of(about, _with_each(found, name, values))
+    top = int(np.argmax(gains))
+    if gains[top] <= gain_of(about, found):
+        return found
+    near = values[max(0, top - 1)], values[min(top + 1, len(values) - 1)]
+    return _zoomed_between(about, found, name, *map(float, near))
+
+
+def _with_each(term: Candidate, name: str, values: Array) -> list[Candidate]:
+    """The term with each of these values of a field."""
+    fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
+    return [replace(term, effect=replace(cast(Any, term.effect), **field)) for field in fields]
+
+
+def _zoomed_between(
+    about: Shapes, term: Candidate, name: str, low: float, high: float
+) -> Candidate:
     for _ in range(_ZOOMS):
         values = np.linspace(low, high, _POINTS)
-        fields: list[dict[str, Any]] = [{name: float(value)} for value in values]
-        shapes = [replace(term, effect=replace(term.effect, **field)) for field in fields]
+        shapes = _with_each(term, name, values)
         gains = gains_of(about, shapes)
         top = _middle_of_the_best(gains)
         term = shapes[top]

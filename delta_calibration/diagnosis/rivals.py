@@ -49,7 +49,7 @@ def standing(model: Fitted, term: Candidate, tried: Sequence[Score]) -> Rivalry:
     rest = tuple(m for m in model.terms if m is not term)
     evidence = beside(model.evidence, rest)
     signal = moved_by(term, evidence, model.scaled(term))
-    others = [s for s in tried if not s.candidate.same_cause(term)]
+    others = [s for s in tried if not s.candidate.same_name(term)]
     # if a term is the lag of one joint, the lags of all joints are a rival of the other terms: a
     # late clock and the lag of one joint together can be the lags of all
     others = [s for s in others if not any(m.contains(s.candidate) for m in rest)]

@@ -118,12 +118,12 @@ def _of_effects(
     """Candidates to explore: for each effect its shapes, for each shape the whole and parts."""
     for effect in effects:
         shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
+        every = [[c.beside(used) for c in subsets(shape)] for shape in shapes]
         groups = [
-            [c for c in subsets(shape) if not any(other.contains(c) for other in used)]
-            for shape in shapes
+            [c for c in group if not any(other.contains(c) for other in used)] for group in every
         ]
-        if groups and groups[0]:
-            yield [group for group in groups if group]
+        for again in dict.fromkeys(group[0].again for group in groups if group):
+            yield [group for group in groups if group and group[0].again == again]
 
 
 def _of_the_rest(

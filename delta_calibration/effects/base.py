@@ -89,6 +89,7 @@ class Effect(ABC):
     outside: ClassVar[str] = ""
     called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words
     part: ClassVar[str] = ""  # part of the machine whose temperature drives it
+    repeats: ClassVar[bool] = False  # whether a machine may have it more than once (`apart`)
 
     # For the simulator: settings of which only one can be given, and whether a value may be
     # negative where its bounds allow it. For the demonstrations: how they show the effect.
@@ -242,6 +243,14 @@ class Effect(ABC):
         """How many times rarer than the usual shapes of its cause this one is, 1 or more."""
         return 1.0
 
+    def apart(self, other: Effect) -> bool:
+        """Whether another shape of the effect is a second occasion, found beside this one.
+
+        Never if a machine has the cause once at most (`repeats`).
+        """
+        del other
+        return False
+
     def refinements(self, at: Conditions) -> Iterator[Effect]:
         """Yield the shapes tried once the cause was found; by default those of the search."""
         yield from self.shapes(at)
@@ -273,6 +282,11 @@ class Effect(ABC):
     def intervals(self) -> tuple[Interval, ...]:
         """Searched fields, with bounds around this shape that contain the best shape."""
         return ()
+
+    def jumps(self, name: str, at: Conditions) -> Array:
+        """Values of a searched field near its own at which the effect changes by leaps, (k,)."""
+        del name, at
+        return np.zeros(0)
 
     def bounded_intervals(self) -> tuple[Interval, ...]:
         """`intervals` cut to the limits of the settings, because a file can hold no more."""

@@ -28,6 +28,7 @@ TOLD = {
 CYCLE: Limits = {"period": (0.0, 1e9), "phase": (0.0, 1.0)}  # [s], [1] of a period
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; longer ones look like a ramp
 _STEPS = 24  # a search tries fewer than twice as many step times
+_MOVING, _APART, _PAUSE = 48, 2.0, 1.0  # most moments in motion; their least distance [s]; [s]
 _NEAR = 300.0  # [s] half width of the interval about the time of a step
 _LEAST = 8  # least number of times at rest on either side of a step
 # of the session: of a longer period it shows less than a cycle, as a settling does
@@ -59,14 +60,42 @@ def course(
 
 
 def courses(at: Conditions) -> Iterator[tuple[float, float]]:
-    """Yield pairs (time constant, step) worth trying [s]; steps lie between poses at rest."""
+    """Yield pairs (time constant, step) worth trying [s]; steps lie between poses and in motions.
+
+    A step that is off by seconds within a motion explains next to nothing of it.
+    """
     yield 0.0, -1.0
     for constant in TIME_CONSTANTS:
         yield constant, -1.0
-    moments = np.unique(at.time[(at.velocity == 0).all(axis=1)])
+    resting = (at.velocity == 0).all(axis=1)
+    moments = np.unique(at.time[resting])
     between = (moments[_LEAST:-_LEAST] + moments[_LEAST - 1 : -_LEAST - 1]) / 2
     for step in between[:: max(1, len(between) // _STEPS)].tolist():
         yield 0.0, step
+    for step in _in_motion(at.time[~resting]).tolist():
+        yield 0.0, step
+
+
+def _in_motion(time: Array) -> Array:
+    """Moments in motions [s], all equally far from the next one in time spent in motion."""
+    moments = np.unique(time)
+    if len(moments) < 2:
+        return moments[:0]
+    clock = np.cumsum(np.minimum(np.diff(moments, prepend=moments[0]), _PAUSE))
+    apart = max(_APART, float(clock[-1]) / _MOVING)
+    return np.asarray(moments[np.searchsorted(clock, np.arange(apart, clock[-1], apart))])
+
+
+def moments_near(step_at: float, at: Conditions) -> Array:
+    """Moments in motion [s] between the two poses at rest about the time of a step."""
+    resting = (at.velocity == 0).all(axis=1)
+    stops = np.unique(at.time[resting])
+    begin, end = (np.searchsorted(stops, step_at) + i for i in (-1, 0))
+    low = stops[begin] if begin >= 0 else -np.inf
+    high = stops[end] if end < len(stops) else np.inf
+    moving = np.unique(at.time[~resting & (at.time > low) & (at.time < high)])
+    between = (moving[1:] + moving[:-1]) / 2
+    return np.asarray(between[:: 1 + len(between) // _MOVING])
 
 
 def cycles(at: Conditions) -> Iterator[tuple[float, float]]:
@@ -119,6 +148,7 @@ class Drift(Effect):
     limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), "step_at": (-1.0, 1e9), **CYCLE}
     one_of: ClassVar[tuple[str, ...]] = ("time_constant", "step_at", "period")
     valley: ClassVar[bool] = True  # of period and phase: data fix the phase at mid-time
+    repeats: ClassVar[bool] = True
 
     time_constant: float = 0.0  # [s]; 0: ramp
     step_at: float = -1.0  # [s]; negative: no step
@@ -135,12 +165,27 @@ class Drift(Effect):
         del joint
         return self.time_constant, self.step_at, self.period, self.phase
 
+    def jumps(self, name: str, at: Conditions) -> Array:
+        """Moments of a step while the machine moves: seconds off it explains next to nothing."""
+        return moments_near(self.step_at, at) if name == "step_at" else np.zeros(0)
+
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """A ramp, settling from minutes to over an hour, steps, and cycles."""
         for constant, step in courses(at):
             yield replace(self, time_constant=constant, step_at=step, period=0.0, phase=0.0)
         for period, phase in cycles(at):
             yield replace(self, time_constant=0.0, step_at=-1.0, period=period, phase=phase)
+
+    def apart(self, other: Effect) -> bool:
+        """A course of another kind, or a step at another moment: one more drift of the same part.
+
+        A ramp and a settling are one kind.
+        """
+        if not isinstance(other, Drift):
+            return False
+        if min(self.step_at, other.step_at) >= 0:
+            return abs(self.step_at - other.step_at) > _NEAR
+        return (self.step_at >= 0, self.period > 0) != (other.step_at >= 0, other.period > 0)
 
     @property
     def per_hour(self) -> bool:

@@ -44,6 +44,7 @@ class TransmissionError(HarmonicEffect):
     told: ClassVar[Mapping[str, tuple[str, str]]] = {"cycles": ("order", "1")}
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5), "second": (0.0, 16.0)}
     live_strength: ClassVar[float] = 0.8
+    repeats: ClassVar[bool] = True
 
     cycles: float = 33.0
     second: float = 0.0  # second order, in multiples of `cycles`; 0 if there is none
@@ -103,6 +104,13 @@ class TransmissionError(HarmonicEffect):
         for second in _OF_A_TRAIN:
             if min(1.0, second) * self.cycles * turns >= _REPEATS:
                 yield replace(self, second=second)
+
+    def apart(self, other: Effect) -> bool:
+        """Another order, that of another gear: joints may have unlike gears."""
+        if not isinstance(other, TransmissionError):
+            return False
+        least = 2 * _BETWEEN / self.mechanism.joint_size
+        return all(abs(a - b) > least for a in self.orders for b in other.orders)
 
     def as_told(self, name: str) -> tuple[str, str, float]:
         """Also convert the order of a sliding joint, whose own is [rad/m], to cycles per metre."""

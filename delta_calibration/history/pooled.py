@@ -120,16 +120,21 @@ def _effects(
 ) -> tuple[list[Effect], list[Effect]]:
     """List the effects of the machine, and those of single sessions that a diagnosis found.
 
-    A found effect has the shape from the first session that found it.
+    A found effect has the shape from the first session that found it, or its shapes if it was
+    found more than once in that session.
     """
-    every = {e.cause: e for e in catalogue(robot, models[0].bare.mechanism)}
-    found = {e.cause: e for each in reversed(sessions) for e in each.effects}
-    visit = [e for e in found.values() if _of_a_visit(e)]
-    known = {cause: found.get(cause, effect) for cause, effect in every.items()}
+    found: dict[str, list[Effect]] = {}
+    for each in reversed(sessions):
+        found |= {
+            cause: [e for e in each.effects if e.cause == cause]
+            for cause in dict.fromkeys(e.cause for e in each.effects)
+        }
+    visit = [e for shapes in found.values() for e in shapes if _of_a_visit(e)]
     machine = [
-        effect
-        for effect in known.values()
-        if not _of_a_visit(effect) and not any(effect.missing(m.evidence.at) for m in models)
+        shape
+        for effect in catalogue(robot, models[0].bare.mechanism)
+        for shape in found.get(effect.cause, [effect])
+        if not _of_a_visit(shape) and not any(shape.missing(m.evidence.at) for m in models)
     ]
     return machine, visit
 

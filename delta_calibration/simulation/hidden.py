@@ -66,7 +66,7 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
         InputError: an unknown cause or option, or a value that is not allowed.
     """
     shift = np.zeros(len(dimensions(chain)))
-    found: dict[str, tuple[Effect, Array]] = {}
+    found: dict[tuple[object, ...], tuple[Effect, Array]] = {}
     for cause, options in causes.items() if isinstance(causes, Mapping) else causes:
         rng = np.random.default_rng([seed, 2, zlib.crc32(cause.encode())])
         options = _placed(robot, options)
@@ -76,13 +76,13 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
             continue
         effect = _shaped(cause, robot, chain, options)
         values = _values(effect, options, rng)
-        if cause in found:
-            other, before = found[cause]
-            if other.settings != effect.settings:
-                raise InputError(f"effect {cause} is given twice, with different settings")
-            values = values + before
+        shape = cause, *effect.settings.items()
+        if shape in found:
+            values = values + found[shape][1]
+        elif not effect.repeats and any(other.cause == cause for other, _ in found.values()):
+            raise InputError(f"effect {cause} is given twice, with different settings")
         _require_possible(effect, values)
-        found[cause] = effect, values
+        found[shape] = effect, values
     each = [values for _, values in found.values()]
     return Hidden(
         shift,

@@ -1,0 +1,88 @@
+"""The same cause more than once: a stand bumped twice, two gears, a step on top of a warm-up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from blind import hide
+from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.data import survey
+from delta_calibration.diagnosis import diagnose
+from delta_calibration.diagnosis.extension import extended
+from delta_calibration.robot import load_robot
+
+ROBOT = load_robot("srbd")
+FIRST = (3000.0, (1e-4, -5e-5, 3e-5), (3e-5, 2e-5, -4e-5))  # [s], [m], [rad]
+SECOND = (5200.0, (-3e-5, 9e-5, 5e-5), (-2e-5, 3e-5, 3e-5))
+
+
+def bumped(point, time, bumps):
+    """Readings of a tracker that was pushed at some moments, each time about its own origin."""
+    for moment, shift, turn in bumps:
+        moved = Rotation.from_rotvec(turn).apply(point) + shift
+        point = np.where((time >= moment)[:, None], moved, point)
+    return point
+
+
+def session(seed, bumps=(), joint=lambda q: q, motions=True):
+    """A clean machine of the blind generator, its readings and encoder angles as given."""
+    seen = survey(hide({}, seed).session, ROBOT.joints.names)
+    poses, at = seen.poses, seen.paths.conditions
+    poses = replace(poses, point=bumped(poses.point, poses.time, bumps), joint=joint(poses.joint))
+    at = replace(at, reading=bumped(at.reading, at.time, bumps))
+    paths = replace(seen.paths, conditions=at)
+    if not motions:
+        none = paths.path[:0]
+        paths = replace(paths, conditions=at.take(none), count=none, path=none)
+    return replace(seen, poses=poses, paths=paths)
+
+
+def moments(verdict):
+    return sorted(f.shape["step_at_s"].value for f in verdict.findings)
+
+
+def test_a_stand_that_was_bumped_twice_is_told_with_both_moments():
+    seen = session(9900, [FIRST, SECOND])
+    said = diagnose(seen, ROBOT, seed=1).verdict
+    assert [f.cause for f in said.findings] == ["tracker_drift", "tracker_drift"]
+    assert not said.unknown_structure.found
+    time = np.sort(seen.poses.time)
+    for told, (bump, _, _) in zip(moments(said), (FIRST, SECOND), strict=True):
+        row = np.searchsorted(time, bump)
+        assert time[row - 1] <= told <= time[row]
+    assert said.extended.held_out_rms_mm < 1.1 * said.noise_mm
+
+
+def test_a_bump_in_the_middle_of_a_motion_is_told_with_its_moment():
+    seen = session(9901)
+    path = np.bincount(seen.paths.path).argmax()  # the longest
+    time = seen.paths.conditions.time[seen.paths.path == path]
+    bump = float(np.quantile(time, 0.3))
+    said = diagnose(session(9901, [(bump, *FIRST[1:])]), ROBOT, seed=1).verdict
+    assert [f.cause for f in said.findings] == ["tracker_drift"]
+    assert not said.unknown_structure.found
+    (told,) = said.findings[0].shape.values()
+    assert abs(told.value - bump) < 4 * told.std < 2.0
+
+
+def test_each_joint_can_have_a_gear_of_its_own(tmp_path):
+    """Waves of 33 cycles a turn in one encoder and of 50 in another, added to what they read."""
+
+    def geared(q):
+        wave = np.stack([0 * q[:, 0], 2e-4 * np.sin(33 * q[:, 1]), 2e-4 * np.cos(50 * q[:, 2])], 1)
+        return q - wave
+
+    found = diagnose(session(9902, joint=geared, motions=False), ROBOT, seed=1)
+    said = found.verdict
+    assert {f.cause for f in said.findings} == {"transmission_error"}
+    orders = sorted(f.shape["order"].value for f in said.findings)
+    np.testing.assert_allclose(orders, [33.0, 50.0], atol=0.2)
+    assert not said.unknown_structure.found
+    path = tmp_path / "extended.yaml"
+    save_calibration(path, extended(found.model, 1), ROBOT, found.model.survey.poses)
+    chain = load_calibration(path, ROBOT).chain
+    assert sorted(round(effect.cycles) for effect in chain.effects) == [33, 50]
+    assert len(set(chain.parameters.names)) == len(chain.parameters)
