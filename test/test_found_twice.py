@@ -12,7 +12,9 @@ from delta_calibration.calibration_file import load_calibration, save_calibratio
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.extension import extended
+from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
+from delta_calibration.simulation import draw_machine, simulate_session
 
 ROBOT = load_robot("srbd")
 FIRST = (3000.0, (1e-4, -5e-5, 3e-5), (3e-5, 2e-5, -4e-5))  # [s], [m], [rad]
@@ -86,3 +88,38 @@ def test_each_joint_can_have_a_gear_of_its_own(tmp_path):
     chain = load_calibration(path, ROBOT).chain
     assert sorted(round(effect.cycles) for effect in chain.effects) == [33, 50]
     assert len(set(chain.parameters.names)) == len(chain.parameters)
+
+
+def test_a_joint_that_loses_its_zero_while_all_drift_is_told_apart():
+    """The step is in the middle of a motion; the drifts of all joints go on before and after."""
+    hidden = [
+        ("joint_zero_drift", {"step_at": "600", "location": "joint_2", "strength": "1"}),
+        ("joint_zero_drift", {"time_constant": "1200", "strength": "1"}),
+    ]
+    machine = draw_machine(ROBOT, 3, hidden=hidden)
+    session = simulate_session(machine, make_plan("rich", ROBOT, count=80), 3)
+    said = diagnose(survey(session, ROBOT.joints.names), ROBOT).verdict
+    assert not said.unknown_structure.found
+    assert {(f.cause, f.location) for f in said.findings} == {
+        ("joint_zero_drift", "joint_2"),
+        ("joint_zero_drift", None),
+    }
+    step = next(f for f in said.findings if f.location)
+    assert abs(step.shape["step_at_s"].value - 600) < 4 * step.shape["step_at_s"].std < 1.0
+    (true,) = (v[1] for e, v in zip(*told(machine), strict=True) if e.step_at > 0)
+    value = step.parameters["drift_2"]
+    assert abs(value.value - true) < 4 * value.std
+
+
+def told(machine):
+    """Effects of a machine, and their values."""
+    return machine.chain.effects, machine.chain.effect_values(machine.theta)
+
+
+def test_one_leg_whose_rods_warm_is_no_drift_of_its_joint():
+    hidden = [("thermal_growth_forearm", {"alike": "0", "location": "joint_3", "value": "2e-4",
+                                          "time_constant": "1500"})]  # fmt: skip
+    machine = draw_machine(ROBOT, 3, hidden=hidden)
+    session = simulate_session(machine, make_plan("rich", ROBOT, count=80), 3, period=30.0)
+    (finding,) = diagnose(survey(session, ROBOT.joints.names), ROBOT).verdict.findings
+    assert (finding.cause, finding.location) == ("thermal_growth_forearm", "joint_3")

@@ -255,6 +255,19 @@ def test_a_drive_sags_under_its_payload():
     assert sag[:, 2].max() < -1e-5
 
 
+def test_one_arm_can_grow_more_than_the_others():
+    machine = machine_with(
+        "thermal_growth_arm:alike=0,location=joint_2,value=2e-4,time_constant=1", scatter=0.0
+    )
+    session = simulate_session(machine, STOPS, 2, RATE, PERIOD)
+    frame = machine.chain.split(machine.theta)[2]
+    want = frame.apply(SixRods({"arm_2": 0.32 * 2e-4}).point(STOPS.joint[-1:]))
+    end = np.flatnonzero(len(STOPS) - 1 == NUMBER)[-1]
+    np.testing.assert_allclose(session.tracker.position[end], want[0], atol=1e-8)
+    with pytest.raises(InputError, match="alike 0 is not allowed; 1"):
+        machine_with("thermal_growth_base:alike=0,time_constant=600")
+
+
 def test_arms_grow_with_the_temperature_that_is_recorded():
     """Compared with a machine whose arms have the length at that temperature."""
     expansion = 23e-6
@@ -377,7 +390,7 @@ def test_the_seed_decides_effects():
 def test_shapes_are_as_said_or_as_a_cell_has_them(text, settings):
     found = machine_with(text).chain.effects[0].settings
     assert {name: found[name] for name in settings} == settings
-    assert not any(found[name] for name in found.keys() - settings.keys())
+    assert not any(found[name] for name in found.keys() - settings.keys() - {"alike"})
 
 
 def test_a_step_is_at_its_moment():

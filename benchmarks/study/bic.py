@@ -90,7 +90,7 @@ def _of_effects(
     for effect in effects:
         shapes = [s for s in effect.shapes(evidence.at) if not s.missing(evidence.at)]
         for shape in shapes[:: max(1, -(-len(shapes) // (most or len(shapes) or 1)))]:
-            yield from subsets(shape)
+            yield from (c for c in subsets(shape) if c.sought)
 
 
 def _next(

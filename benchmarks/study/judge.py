@@ -129,7 +129,7 @@ def _twin(finding: Finding, found: Diagnosis, task: Task, robot: Robot) -> bool:
     every = catalogue(robot, found.model.problem.chain.mechanism)
     effect = next(e for e in every if e.cause == task.without)
     shapes = (s for s in effect.shapes(evidence.at) if not s.missing(evidence.at))
-    taken_out = [as_score(c, ()) for shape in shapes for c in subsets(shape)]
+    taken_out = [as_score(c, ()) for shape in shapes for c in subsets(shape) if c.sought]
     return bool(equivalents(evidence, signal, taken_out, max(1.0, found.model.misfit)))
 
 

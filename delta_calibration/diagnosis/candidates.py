@@ -58,6 +58,11 @@ class Candidate:
         return self.effect is None or not self.effect.bounded_intervals()
 
     @property
+    def sought(self) -> bool:
+        """Whether a search may find it: not with several places of what acts at one."""
+        return self.effect is None or bool(self.location) or not self.effect.at_one_place
+
+    @property
     def choices(self) -> float:
         """Factor by which its choice among alternatives is paid, beyond the tries of a search.
 

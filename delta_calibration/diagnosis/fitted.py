@@ -308,7 +308,7 @@ class Fitted(ABC):
             for other in term.effect.refinements(at)
             if not other.missing(at) and not _reached(term.effect, other)
             for candidate in subsets(other)
-            if candidate.location == term.location
+            if candidate.location == term.location and candidate.sought
         ]
         if not others:
             return None
@@ -317,6 +317,31 @@ class Fitted(ABC):
         gains = gains_of(about, others)
         best = _middle_of_the_best(gains)
         return others[best] if gains[best] > NEARLY * gain_of(about, term) else None
+
+    @cached_property
+    def at_one_place(self) -> tuple[tuple[Candidate, ...], ...]:
+        """Variants of the terms, each with one at its strongest place only, if nearly as good.
+
+        In the coarse shapes of the search, values of other places made up for the shape.
+        """
+        terms = self.terms
+        every = enumerate(mapped(self._strongest_place, range(len(terms))))
+        return tuple(
+            (*terms[:i], alone, *terms[i + 1 :]) for i, alone in every if alone is not None
+        )
+
+    def _strongest_place(self, i: int) -> Candidate | None:
+        """A term of the whole machine at one place, in its own shape; None if far from as good."""
+        terms, term = self.terms, self.terms[i]
+        if term.effect is None or term.unexplained or term.location is not None:
+            return None
+        places = [replace(c, again=term.again) for c in subsets(term.effect) if c.location]
+        if not places:
+            return None
+        about = Shapes.of(beside(self.evidence, (*terms[:i], *terms[i + 1 :])))
+        gains = gains_of(about, places)
+        best = int(np.argmax(gains))
+        return places[best] if gains[best] > NEARLY * gain_of(about, term) else None
 
     def sharpened(self) -> tuple[Candidate, ...]:
         """The terms with their searched fields refined between the grid points of the search."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,7 +95,8 @@ def reshaped(
 
 def _explored(weighed: Weighed, questions: list[list[list[Candidate]]]) -> list[Score]:
     questions.sort(key=len, reverse=True)  # long searches first, so that no thread waits
-    scores = [score for some in mapped(weighed.explore, questions) for score in some]
+    every = (score for some in mapped(weighed.explore, questions) for score in some)
+    scores = [score for score in every if score.candidate.sought]
     return sorted(scores, key=lambda score: -score.log_bayes)
 
 
@@ -115,15 +116,21 @@ def _weights(model: Fitted, effects: Sequence[Effect]) -> Weights:
 def _of_effects(
     evidence: LinearizedModel, effects: Sequence[Effect], used: Sequence[Candidate]
 ) -> Iterator[list[list[Candidate]]]:
-    """Candidates to explore: for each effect its shapes, for each shape the whole and parts."""
+    """Candidates to explore: for each effect its shapes, for each shape the whole and parts.
+
+    A second occasion of a cause is another question, and so is what an effect says is one.
+    """
     for effect in effects:
         shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]
         every = [[c.beside(used) for c in subsets(shape)] for shape in shapes]
         groups = [
             [c for c in group if not any(other.contains(c) for other in used)] for group in every
         ]
-        for again in dict.fromkeys(group[0].again for group in groups if group):
-            yield [group for group in groups if group and group[0].again == again]
+        questions: dict[Hashable, list[list[Candidate]]] = {}
+        for shape, group in zip(shapes, groups, strict=True):
+            if group:
+                questions.setdefault((group[0].again, shape.question), []).append(group)
+        yield from questions.values()
 
 
 def _of_the_rest(

@@ -324,6 +324,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     if len(named) < count:
         sets.append(named)
     sets += model.in_other_shapes
+    sets += model.at_one_place
     sets += _with_all_values(terms)
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)

@@ -15,7 +15,7 @@ Each effect has its own file; a line in `catalogue.py` makes it known everywhere
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import Enum
 from functools import cache
@@ -242,6 +242,20 @@ class Effect(ABC):
     def rarity(self) -> float:
         """How many times rarer than the usual shapes of its cause this one is, 1 or more."""
         return 1.0
+
+    @property
+    def at_one_place(self) -> bool:
+        """Whether a machine has it at one joint only: a search tries no two places together."""
+        return False
+
+    @property
+    def question(self) -> Hashable:
+        """Shapes of one question are compared by what they explain, and pay for their number.
+
+        Shapes with more values explain more in any case: if both kinds can be true, they are two
+        questions, compared by their evidence.
+        """
+        return None
 
     def apart(self, other: Effect) -> bool:
         """Whether another shape of the effect is a second occasion, found beside this one.

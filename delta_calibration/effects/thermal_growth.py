@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -39,6 +39,7 @@ from delta_calibration.parameters import ParameterSet
 REFERENCE = 20.0  # [deg C]
 _WARMING = 0.5  # [K] a sensor whose temperature varies less is of no use
 _BEHIND = 60.0  # [s] assumed standard deviation of a sensor's delay behind its part
+_ALONE = 4.0  # how many times rarer one part warms alone
 _AROUND = 150.0  # [s] before and after a sample, over which the warming rate is averaged
 
 
@@ -49,8 +50,9 @@ class Growth(Effect):
     kind: ClassVar[str] = "structure"
     needs: ClassVar[tuple[str, ...]] = ("temperature",)
     part: ClassVar[str]
+    many: ClassVar[bool] = True  # whether a machine has several such parts, one at each joint
     told: ClassVar[Mapping[str, tuple[str, str]]] = TOLD
-    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), **CYCLE}
+    limits: ClassVar[Limits] = {"time_constant": (0.0, 1e9), **CYCLE, "alike": (0.0, 1.0)}
     one_of: ClassVar[tuple[str, ...]] = (SENSOR, "time_constant", "period")
     valley: ClassVar[bool] = True  # of period and phase: data fix the phase at mid-time
     either_sign: ClassVar[bool] = False  # a cell that warms up does not shrink
@@ -59,6 +61,7 @@ class Growth(Effect):
     time_constant: float = 0.0  # [s] of the warming over time
     period: float = 0.0  # [s] of the room's temperature; 0: no cycle
     phase: float = 0.0  # of the cycle, as a share of its period
+    alike: float = 1.0  # 1: all such parts grow alike; 0: each has its own growth
 
     @property
     def parameters(self) -> ParameterSet:
@@ -122,9 +125,17 @@ class Growth(Effect):
             return ()
         return around(self.time_constant, period=self.period, phase=self.phase)
 
+    @property
+    def question(self) -> Hashable:
+        """Whether all parts grow alike, by one value, or each by its own."""
+        return self.alike
+
     def wrong(self) -> str:
-        """Also check the cycle."""
-        return super().wrong() or wrong_cycle(self.period, self.phase)
+        """Also check the cycle, and that parts grow alike or not."""
+        allowed, said = ((0.0, 1.0), "0 or 1") if self.many else ((1.0,), "1")
+        alike = self.alike in allowed
+        other = "" if alike else f"alike {self.alike:g} is not allowed; {said}"
+        return super().wrong() or wrong_cycle(self.period, self.phase) or other
 
     @property
     def bound_to_session(self) -> bool:
@@ -166,6 +177,50 @@ class ThermalGrowth(Growth):
         """Length of the part contained in each geometry parameter, (p,) [m]."""
 
     @property
+    def parameters(self) -> ParameterSet:
+        """alpha [1/K], or the whole growth [1] over time, of all parts or of each."""
+        (shared,) = super().parameters
+        if self.alike:
+            return ParameterSet((shared,))
+        each = {place: place.rpartition("_")[2] for place in self._places}
+        return ParameterSet(
+            tuple(
+                replace(shared, name=f"{shared.name}_{number}", location=place)
+                for place, number in each.items()
+            )
+        )
+
+    @property
+    def _places(self) -> tuple[str, ...]:
+        """Joints that have such a part, in the order of their dimensions."""
+        each = zip(self.mechanism.parameters, self.lengths(), strict=True)
+        return tuple(dict.fromkeys(p.location for p, length in each if length and p.location))
+
+    @property
+    def at_one_place(self) -> bool:
+        """One part that warms more than the others like it.
+
+        Growth of each by itself could make whatever drifts of all joints make.
+        """
+        return not self.alike
+
+    @property
+    def rarity(self) -> float:
+        """A single part that warms more than the others like it is rarer than all alike."""
+        return 1.0 if self.alike else _ALONE
+
+    def shapes(self, at: Conditions) -> Iterator[Effect]:
+        """Each shape of growth, of all parts alike and of each by itself.
+
+        What makes all parts of a room go up and down makes them do so alike.
+        """
+        several = self.many and len(self._places) > 1
+        for shape in super().shapes(at):
+            yield shape
+            if several and isinstance(shape, Growth) and not shape.period:
+                yield replace(shape, alike=0.0)
+
+    @property
     def suits(self) -> bool:
         """Whether any dimension of the mechanism belongs to the part."""
         return bool(self.lengths().any())
@@ -178,9 +233,13 @@ class ThermalGrowth(Growth):
     def terms(self, places: Places) -> Iterator[Term]:
         """One term per dimension that grows; NaN if its sensor was not recorded."""
         signal, known = self._warms(places)
-        lengths = self.lengths()
+        lengths, parts, dimensions = self.lengths(), self._places, self.mechanism.parameters.items
         for row in np.flatnonzero(lengths).tolist():
-            yield Term((signal,), (0,), (row,), (known * float(lengths[row]), *self._course))
+            place = dimensions[row].location
+            if self.alike or place:
+                value = 0 if self.alike or place is None else parts.index(place)
+                of = known * float(lengths[row])
+                yield Term((signal,), (value,), (row,), (of, *self._course))
 
     def nominal_of(self, cause: str) -> Array:
         """Nominal values of the parameters of a cause, 0 elsewhere, (p,) [m]."""

@@ -22,6 +22,7 @@ class ThermalGrowthBase(ThermalGrowth):
         "repeat ten poses cold and warm: the base grows with its temperature",
     )
     part: ClassVar[str] = "base"
+    many: ClassVar[bool] = False
 
     def lengths(self) -> Array:
         """Nominal lengths that grow with the part, 0 elsewhere, (p,) [m]."""

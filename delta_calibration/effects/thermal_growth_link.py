@@ -49,7 +49,7 @@ class ThermalGrowthLink(ThermalGrowth):
         whole = replace(self, column=1.0).lengths()
         columns = (1.0, 0.0) if whole[self._is_column].any() else (1.0,)
         for shape in cast("Iterator[ThermalGrowthLink]", super().shapes(at)):
-            for column in columns:
+            for column in columns if shape.alike else (1.0,):
                 yield replace(shape, column=column)
 
     @property

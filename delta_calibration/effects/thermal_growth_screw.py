@@ -41,11 +41,10 @@ class ThermalGrowthScrew(Growth):
     stage: ClassVar[Stage] = Stage.DRIVE
     part: ClassVar[str] = "screw"
     takes: ClassVar[tuple[str, ...]] = (JOINT, TIME)
-    limits: ClassVar[Limits] = {**Growth.limits, "bearing": (-10.0, 10.0), "alike": (0.0, 1.0)}
+    limits: ClassVar[Limits] = {**Growth.limits, "bearing": (-10.0, 10.0)}
     told: ClassVar[Mapping[str, tuple[str, str]]] = {**TOLD, "bearing": ("fixed_at_m", "m")}
 
     bearing: float = 0.0  # [m] place of the fixed bearing, from the mechanism's own zero
-    alike: float = 1.0  # 1: all screws warm alike; 0: each has its own growth
 
     @property
     def suits(self) -> bool:
@@ -86,18 +85,16 @@ class ThermalGrowthScrew(Growth):
                 if alike or not shape.period:
                     yield replace(shape, bearing=end, alike=alike)
 
-    def wrong(self) -> str:
-        """Also check that screws grow alike or not."""
-        other = "" if self.alike in (0.0, 1.0) else f"alike {self.alike:g} is not allowed; 0 or 1"
-        return super().wrong() or other
-
     @property
     def chosen(self) -> dict[str, str]:
         """Whether all screws grow alike."""
         return {"screws": "all grow alike"} if self.alike else {}
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Also the bearing, by half a travel to either side."""
+        """Also the bearing, from half a travel before the travel to half a travel behind it.
+
+        Growth from a bearing far away would be a drift of the zero.
+        """
         low, high = travel(self.robot, self.mechanism)
         around = (high - low) / 2
-        return (*super().intervals(), ("bearing", self.bearing - around, self.bearing + around))
+        return (*super().intervals(), ("bearing", low - around, high + around))

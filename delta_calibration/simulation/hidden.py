@@ -117,11 +117,13 @@ def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
         raise InputError(f"effect {cause}: {plain.lacking}")
     # A setting that is an array cannot be an option: it goes with the values.
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
-    places = [LOCATION] if any(p.location for p in plain.parameters) else []
-    require_known(cause, options, (*places, VALUE, STRENGTH, *own))
+    require_known(cause, options, (LOCATION, VALUE, STRENGTH, *own))
     require_one_of(cause, options, plain.one_of)
     given = {key: _setting(plain, key, own[key], options) for key in own if key in options}
-    return effect_named(cause, robot, chain.mechanism, given or plain.usual(PARTS))
+    effect = effect_named(cause, robot, chain.mechanism, given or plain.usual(PARTS))
+    places = [LOCATION] if any(p.location for p in effect.parameters) else []
+    require_known(cause, options, (*places, VALUE, STRENGTH, *own))
+    return effect
 
 
 def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Setting:
