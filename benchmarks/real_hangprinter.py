@@ -150,7 +150,7 @@ def likeness(found: Judgement) -> dict[str, float]:
     near: dict[str, float] = {}
     for score in found.found.first.scores:
         candidate = score.candidate
-        if candidate.unexplained or candidate.same_cause(term):
+        if candidate.unexplained or candidate.same_name(term):
             continue
         columns = columns_of(candidate, evidence)
         share = reached(evidence.information(columns), columns.T @ weighed) / (signal @ weighed)

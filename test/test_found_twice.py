@@ -71,22 +71,33 @@ def test_a_bump_in_the_middle_of_a_motion_is_told_with_its_moment():
 
 
 def test_each_joint_can_have_a_gear_of_its_own(tmp_path):
-    """Waves of 33 cycles a turn in one encoder and of 50 in another, added to what they read."""
+    """Waves of 33 cycles a turn in one encoder, of 50 and 100 in another, added to its reading."""
+
+    def wave(q):
+        third = 2e-4 * np.cos(50 * q[:, 2]) + 1e-4 * np.sin(100 * q[:, 2])
+        return np.stack([0 * third, 2e-4 * np.sin(33 * q[:, 1]), third], axis=1)
 
     def geared(q):
-        wave = np.stack([0 * q[:, 0], 2e-4 * np.sin(33 * q[:, 1]), 2e-4 * np.cos(50 * q[:, 2])], 1)
-        return q - wave
+        """What encoders read if the joints are at q: the waves are those of the readings."""
+        read = q
+        for _ in range(8):
+            read = q - wave(read)
+        return read
 
-    found = diagnose(session(9902, joint=geared, motions=False), ROBOT, seed=1)
+    found = diagnose(session(9903, joint=geared, motions=False), ROBOT, seed=1)
     said = found.verdict
     assert {f.cause for f in said.findings} == {"transmission_error"}
-    orders = sorted(f.shape["order"].value for f in said.findings)
-    np.testing.assert_allclose(orders, [33.0, 50.0], atol=0.2)
+    told = [
+        turns * f.shape["order"].value
+        for f in said.findings
+        for turns in ((1, 2) if "second_order" in f.shape else (1,))
+    ]
+    np.testing.assert_allclose(sorted(told), [33.0, 50.0, 100.0], atol=0.2)
     assert not said.unknown_structure.found
     path = tmp_path / "extended.yaml"
     save_calibration(path, extended(found.model, 1), ROBOT, found.model.survey.poses)
     chain = load_calibration(path, ROBOT).chain
-    assert sorted(round(effect.cycles) for effect in chain.effects) == [33, 50]
+    assert len(chain.effects) == len(said.findings) > 1
     assert len(set(chain.parameters.names)) == len(chain.parameters)
 
 

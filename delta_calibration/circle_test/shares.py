@@ -423,10 +423,14 @@ def _dimensions(model: Fitted, findings: Sequence[Finding]) -> Mapping[str, Esti
 
 
 def _rows_of_one(model: Fitted, finding: Finding) -> Index:
+    """Entries of theta of all terms with the name and place of a finding."""
+    found = [np.zeros(0, dtype=np.int64)]
     for term, own in zip(model.terms, model.layout.each, strict=True):
         if (term.cause, term.location) == (finding.cause, finding.location):
             rows = np.array(term.rows, dtype=np.int64)
-            return rows if term.effect is None else entries(own)[rows]
+            found.append(rows if term.effect is None else entries(own)[rows])
+    if len(found) > 1:
+        return np.concatenate(found)
     if finding.cause == "geometry":
         return entries(model.layout.geometry)
     known = [(p.cause, p.location) for p in model.bare.parameters]

@@ -29,18 +29,19 @@ def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
     """
     data = read_document(extended, lambda _: load_schema("calibration"))
     effects = load_calibration(extended, machine.robot).chain.effects
-    found = {
-        (*_kind(effect), p["name"]): (float(p["value"]), float(p["std"]))
+    each = [
+        (effect, {p["name"]: (float(p["value"]), float(p["std"])) for p in entry["parameters"]})
         for effect, entry in zip(effects, data.get("effects", []), strict=True)
-        for p in entry["parameters"]
-    }
+    ]
     rows, differ = [], []
     for effect, values in zip(
         machine.chain.effects, machine.chain.effect_values(machine.theta), strict=True
     ):
+        alike = [(other, told) for other, told in each if _kind(other) == _kind(effect)]
+        _, found = min(alike, key=lambda one: _differ(effect, one[0]), default=(effect, {}))
         for parameter, value in zip(effect.parameters, values.tolist(), strict=True):
             if value != parameter.nominal:
-                told = found.get((*_kind(effect), parameter.name))
+                told = found.get(parameter.name)
                 name = f"{spoken(effect.cause)}, {spoken(parameter.name)}"
                 rows.append(_row(name, effect.told_unit(parameter), value, told))
         differ += _courses(effect, effects)
@@ -51,6 +52,13 @@ def hidden_and_found(machine: TrueMachine, extended: Path) -> str:
 def _kind(effect: Effect) -> tuple[str, str]:
     """Cause and course: effects that agree in both have values with the same meaning."""
     return effect.cause, effect.follows
+
+
+def _differ(one: Effect, other: Effect) -> float:
+    """How much the settings of two effects of one kind differ, relative to their sizes."""
+    each = ((value, other.settings.get(name)) for name, value in one.settings.items())
+    numbers = [(a, b) for a, b in each if isinstance(a, float) and isinstance(b, float)]
+    return sum(abs(a - b) / max(abs(a), abs(b), 1e-12) for a, b in numbers)
 
 
 def _courses(hidden: Effect, found: Sequence[Effect]) -> list[str]:

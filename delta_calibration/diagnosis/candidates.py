@@ -59,8 +59,10 @@ class Candidate:
 
     @property
     def sought(self) -> bool:
-        """Whether a search may find it: not with several places of what acts at one."""
-        return self.effect is None or bool(self.location) or not self.effect.at_one_place
+        """Whether a search may find it: not all places at once of an effect that acts at one."""
+        if self.effect is None or self.location:
+            return True
+        return not (self.effect.at_one_place or (self.again and self.effect.again_at_one_place))
 
     @property
     def choices(self) -> float:
@@ -117,11 +119,13 @@ class Candidate:
 
     def same_cause(self, other: Candidate) -> bool:
         """Whether they cannot stand beside each other: the same name, for the same occasion."""
-        return self.same_name(other) and self.again == other.again
+        if not self.same_name(other) or self.effect is None or other.effect is None:
+            return self.same_name(other)
+        return self.again == other.again or not self.effect.apart(other.effect)
 
     def beside(self, used: Sequence[Candidate]) -> Candidate:
         """The candidate for the occasion that it has beside the terms in use."""
-        if self.effect is None:
+        if self.effect is None or not self.effect.repeats:
             return self
         same = [m for m in used if m.cause == self.cause and m.effect is not None]
         for m in same:
@@ -132,7 +136,7 @@ class Candidate:
         return replace(self, again=again) if again else self
 
     def contains(self, other: Candidate) -> bool:
-        """Whether another of the same cause and occasion moves nothing that it does not already.
+        """Whether another of the same cause and occasion moves nothing that it does not move.
 
         Parameters are compared by name; those of curves of unlike resolution, and of other effects
         whose shapes have unlike parameters, by the joints that they move: a shared one moves all.

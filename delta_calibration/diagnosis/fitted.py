@@ -303,23 +303,24 @@ class Fitted(ABC):
         terms, term, at = self.terms, self.terms[i], self.evidence.at
         if term.effect is None or term.unexplained:
             return None
+        rest = (*terms[:i], *terms[i + 1 :])
         others = [
-            candidate
+            replace(candidate, again=term.again)
             for other in term.effect.refinements(at)
             if not other.missing(at) and not _reached(term.effect, other)
             for candidate in subsets(other)
             if candidate.location == term.location and candidate.sought
         ]
+        others = [c for c in others if not any(c.same_cause(m) for m in rest)]
         if not others:
             return None
-        evidence = beside(self.evidence, (*terms[:i], *terms[i + 1 :]))
-        about = Shapes.of(evidence)
+        about = Shapes.of(beside(self.evidence, rest))
         gains = gains_of(about, others)
         best = _middle_of_the_best(gains)
         return others[best] if gains[best] > NEARLY * gain_of(about, term) else None
 
     @cached_property
-    def at_one_place(self) -> tuple[tuple[Candidate, ...], ...]:
+    def at_strongest_place(self) -> tuple[tuple[Candidate, ...], ...]:
         """Variants of the terms, each with one at its strongest place only, if nearly as good.
 
         In the coarse shapes of the search, values of other places made up for the shape.
@@ -457,14 +458,14 @@ def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
     found = _zoomed_between(about, term, name, low, high)
     assert found.effect is not None
     values = found.effect.jumps(name, about.evidence.at)
+    values = values[(values > low) & (values < high)]
     if not len(values):
         return found
-    gains = gains_of(about, _with_each(found, name, values))
-    top = int(np.argmax(gains))
-    if gains[top] <= gain_of(about, found):
-        return found
+    each = _with_each(found, name, values)
+    top = int(np.argmax(gains_of(about, each)))
     near = values[max(0, top - 1)], values[min(top + 1, len(values) - 1)]
-    return _zoomed_between(about, found, name, *map(float, near))
+    closer = _zoomed_between(about, found, name, *map(float, near))
+    return max((found, each[top], closer), key=lambda shape: gain_of(about, shape))
 
 
 def _with_each(term: Candidate, name: str, values: Array) -> list[Candidate]:

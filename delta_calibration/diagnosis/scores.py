@@ -245,7 +245,7 @@ def _by_kind(shapes: Sequence[Candidate]) -> Iterator[tuple[bool, slice | NDArra
 
 def tries_of(term: Candidate, tried: Sequence[Score]) -> tuple[float, float]:
     """Tries that the search for a term's cause made (`Score.tries_of`); 1 if there was none."""
-    own = [s.tries_of for s in tried if s.candidate.same_cause(term)]
+    own = [s.tries_of for s in tried if s.candidate.same_name(term)]
     return max((a for a, _ in own), default=1.0), max((b for _, b in own), default=1.0)
 
 

@@ -234,12 +234,12 @@ def find(
             if swapped is model:
                 return SearchResult(model, first, here, tuple(short.values()), again)
             model, swaps = swapped, swaps - 1
-        model = _refined(fits, model, tuple(short.values()))
+        fitted, model = model, _refined(fits, model, tuple(short.values()))
         here = next_to.scanned(model)
         for other, _ in seen.values():
             if other is not bare and other is not model:
                 other.forget()
-        seen[_keys(model.terms)] = model, here
+        seen[_keys(fitted.terms)] = seen[_keys(model.terms)] = model, here
 
 
 def _first_fit(fits: _Fits, best: Score, scans: Sequence[Scan]) -> Fitted:
@@ -324,7 +324,7 @@ def _swapped(fits: _Fits, model: Fitted, here: Scan, short: tuple[Score, ...]) -
     if len(named) < count:
         sets.append(named)
     sets += model.in_other_shapes
-    sets += model.at_one_place
+    sets += model.at_strongest_place
     sets += _with_all_values(terms)
     for i, term in enumerate(terms):
         kept = tuple(j for j in range(count) if j != i)

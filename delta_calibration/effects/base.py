@@ -90,6 +90,7 @@ class Effect(ABC):
     called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words
     part: ClassVar[str] = ""  # part of the machine whose temperature drives it
     repeats: ClassVar[bool] = False  # whether a machine may have it more than once (`apart`)
+    again_at_one_place: ClassVar[bool] = False  # whether beside the first only at single joints
 
     # For the simulator: settings of which only one can be given, and whether a value may be
     # negative where its bounds allow it. For the demonstrations: how they show the effect.

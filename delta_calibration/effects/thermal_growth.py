@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Collection, Hashable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 
 import numpy as np
 
@@ -196,6 +196,11 @@ class ThermalGrowth(Growth):
         each = zip(self.mechanism.parameters, self.lengths(), strict=True)
         return tuple(dict.fromkeys(p.location for p, length in each if length and p.location))
 
+    def wrong(self) -> str:
+        """Also check that the mechanism says at which joints such parts are."""
+        nowhere = not self.alike and not self._places
+        return super().wrong() or ("alike 0 is not allowed; no joint has such a part" * nowhere)
+
     @property
     def at_one_place(self) -> bool:
         """One part that warms more than the others like it.
@@ -215,9 +220,9 @@ class ThermalGrowth(Growth):
         What makes all parts of a room go up and down makes them do so alike.
         """
         several = self.many and len(self._places) > 1
-        for shape in super().shapes(at):
-            yield shape
-            if several and isinstance(shape, Growth) and not shape.period:
+        for shape in cast("Iterator[Growth]", super().shapes(at)):
+            yield replace(shape, alike=1.0)
+            if several and not shape.period:
                 yield replace(shape, alike=0.0)
 
     @property

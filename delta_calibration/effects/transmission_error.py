@@ -45,6 +45,7 @@ class TransmissionError(HarmonicEffect):
     limits: ClassVar[Limits] = {"cycles": (0.1, 1e5), "second": (0.0, 16.0)}
     live_strength: ClassVar[float] = 0.8
     repeats: ClassVar[bool] = True
+    again_at_one_place: ClassVar[bool] = True  # waves of all joints can imitate any structure
 
     cycles: float = 33.0
     second: float = 0.0  # second order, in multiples of `cycles`; 0 if there is none

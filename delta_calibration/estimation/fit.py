@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.data import Poses, require_poses
+from delta_calibration.effects import Stage, catalogue
 from delta_calibration.errors import DataError, SingularityError
 from delta_calibration.estimation.carried import Carried
 from delta_calibration.estimation.cross_validation import Known, studentized
@@ -456,6 +457,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     singularity. Reflector offset and tracker frame are not parts of the robot and do not count
     among what its tolerances explain. A tracker that was pushed, or a joint that slipped, makes no
     other robot: most parts of the session in the order of time fit it, each in a frame of its own.
+    Effects of usual size explain what tolerances do not: pulleys of a cable robot.
 
     Args:
         problem: with all parameters free and the drawing's priors.
@@ -476,13 +478,39 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     typical = _typical(placed, False)
     if typical > most:
         typical = _typical(placed, True)
+    if typical > most:
+        expected = _expected_with_effects(problem, robot, spread)
+        most = _ANOTHER_ROBOT * expected
     if typical > most and not _fits_in_parts(placed, poses, most):
         raise DataError(
             f"{poses.source}: {typical * 1e3:.1f} mm (robust RMS) remain between robot "
-            f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances explain "
-            f"{expected * 1e3:.1f} mm: is it the session of another robot, or are joint zeros or "
-            "units different? `delta-cal check` finds such mistakes"
+            f"{robot.name!r} in its best-fit frame and the tracker, while its tolerances and "
+            f"usual effects explain {expected * 1e3:.1f} mm: is it the session of another robot, "
+            "or are joint zeros or units different? `delta-cal check` finds such mistakes"
         )
+
+
+def _expected_with_effects(problem: Problem, robot: Robot, spread: Array) -> float:
+    """Median displacement by the tolerances and by effects of usual size in drives and parts [m].
+
+    Pulleys of a cable robot move it farther than the tolerances of its anchors.
+
+    Args:
+        problem: of the poses.
+        robot: drawing and tolerances.
+        spread: displacement by each tolerance, (n, 3, p) [m].
+    """
+    chain, at = problem.chain, problem.at
+    square = np.sum(spread**2, axis=(1, 2))
+    for effect in catalogue(robot, chain.mechanism):
+        of_robot = effect.stage in (Stage.DRIVE, Stage.STRUCTURE)
+        if not of_robot or effect.free_form or effect.lacking or effect.missing(at):
+            continue
+        own = chain.with_effects((effect,))
+        theta = np.append(problem.theta0[problem.layout.chain], effect.about)
+        slope = own.jacobian(at, theta)[..., own.layout.effects] * effect.parameters.prior
+        square = square + np.nan_to_num(np.sum(slope**2, axis=(1, 2)))
+    return float(np.median(np.sqrt(square)))
 
 
 def _typical(problem: Problem, robust: bool) -> float:

@@ -286,7 +286,7 @@ def _header(
         session=_plain(calibration.source),
         mechanism=calibration.chain.mechanism.name,
         commanded=robot.commanded.name,
-        effects=", ".join(effect.cause for effect in effects) or "none",
+        effects=", ".join(dict.fromkeys(effect.cause for effect in effects)) or "none",
         left_out=", ".join(calibration.left_out) or "nothing",
         joints="\n".join(
             f" *   {i}  {_plain(name)}, {low:.6g} to {high:.6g}"

@@ -29,6 +29,7 @@ from delta_calibration.calibration import Calibration
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Effect
+from delta_calibration.effects.base import SENSOR
 from delta_calibration.estimation import DIAGNOSIS, Likelihood
 from delta_calibration.robot import Robot
 from delta_calibration.theta import entries
@@ -107,19 +108,26 @@ def common_effects(machines: Sequence[Fitted]) -> tuple[Effect, ...]:
     asked = sum(machine.diagnosed is not None for machine in machines)
     having: dict[Hashable, list[Effect]] = defaultdict(list)
     for machine in machines:
-        for effect in machine.found:
-            having[alike(effect)].append(effect)
+        for key, effect in {alike(effect): effect for effect in machine.found}.items():
+            having[key].append(effect)
     return tuple(some[0] for some in having.values() if len(some) > asked / 2)
 
 
 def alike(effect: Effect) -> Hashable:
-    """Key of an effect's cause and shape: its searched fields, rounded to two digits.
+    """Key of an effect's cause, parameters and shape: its searched fields, to two digits.
 
     Fields that follow from fitted values, such as the width of a play, are not part of the shape.
     """
-    shape = {name: effect.settings[name] for name in effect.told}
-    return effect.cause, tuple(
-        (name, float(f"{value:.2g}")) for name, value in shape.items() if isinstance(value, float)
+    settings = effect.settings
+    shape = {name: settings[name] for name in (*effect.told, SENSOR) if name in settings}
+    return (
+        effect.cause,
+        effect.parameters.names,
+        *(
+            (name, float(f"{value:.2g}") if isinstance(value, float) else value)
+            for name, value in shape.items()
+            if isinstance(value, float | str)
+        ),
     )
 
 

@@ -119,11 +119,11 @@ def _believed(
     small: Pool, found: Sequence[FoundSteps], steps: Steps, walk: Walk, old: int
 ) -> Walk:
     """Reduced model with all steps and rivals; its drift is learnt from the old sessions alone."""
-    row = {kept.name: number for number, kept in enumerate(small.kept)}
+    row = {(kept.name, kept.group): number for number, kept in enumerate(small.kept)}
     stepped = [*walk.steps, *(rival for each in found for rival, _ in each.rivals)]
     forgotten = []
     for step in stepped:
-        names = [steps.kept[k].name for k in step.rows]
+        names = [(steps.kept[k].name, steps.kept[k].group) for k in step.rows]
         rows = tuple(row[name] for name in names if name in row)
         if rows:
             forgotten.append(Step(rows, step.gap))

@@ -153,8 +153,17 @@ def _kept(model: Model, effects: Sequence[Effect]) -> tuple[Kept, ...]:
         *dimensions,
         *(
             # one group for an effect at one location, such as the sine and cosine of a joint
-            Kept(p.name, e.cause, p.location, p.unit, 0.0, p.prior, SPREAD, (e.cause, p.location))
-            for e in effects
+            Kept(
+                p.name,
+                e.cause,
+                p.location,
+                p.unit,
+                0.0,
+                p.prior,
+                SPREAD,
+                (e.cause, p.location, str(number)),
+            )
+            for number, e in enumerate(effects)
             for p in e.parameters
         ),
     )

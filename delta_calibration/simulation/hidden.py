@@ -68,18 +68,20 @@ def hide(robot: Robot, chain: Chain, causes: Causes, seed: int) -> Hidden:
     shift = np.zeros(len(dimensions(chain)))
     found: dict[tuple[object, ...], tuple[Effect, Array]] = {}
     for cause, options in causes.items() if isinstance(causes, Mapping) else causes:
-        rng = np.random.default_rng([seed, 2, zlib.crc32(cause.encode())])
+        before = sum(other.cause == cause for other, _ in found.values())
+        key = [seed, 2, zlib.crc32(cause.encode())]
         options = _placed(robot, options)
         if cause not in EFFECTS:
             _require_place(robot, chain, cause, options)
-            shift = shift + shift_of(chain, cause, options, rng)
+            shift = shift + shift_of(chain, cause, options, np.random.default_rng(key))
             continue
         effect = _shaped(cause, robot, chain, options)
-        values = _values(effect, options, rng)
         shape = cause, *effect.settings.items()
+        again = [before] if before and shape not in found else []  # not a multiple of the first
+        values = _values(effect, options, np.random.default_rng(key + again))
         if shape in found:
             values = values + found[shape][1]
-        elif not effect.repeats and any(other.cause == cause for other, _ in found.values()):
+        elif before and not effect.repeats:
             raise InputError(f"effect {cause} is given twice, with different settings")
         _require_possible(effect, values)
         found[shape] = effect, values
