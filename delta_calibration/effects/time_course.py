@@ -28,7 +28,8 @@ TOLD = {
 CYCLE: Limits = {"period": (0.0, 1e9), "phase": (0.0, 1.0)}  # [s], [1] of a period
 TIME_CONSTANTS = (600.0, 1200.0, 2400.0, 4800.0)  # [s]; longer ones look like a ramp
 _STEPS = 24  # a search tries fewer than twice as many step times
-_MOVING, _APART, _PAUSE = 48, 2.0, 1.0  # most moments in motion; their least distance [s]; [s]
+_MOVING, _APART = 48, 2.0  # most moments tried in motion; their least distance [s]
+_PAUSE = 1.0  # [s] readings farther apart belong to two motions
 _NEAR = 300.0  # [s] half width of the interval about the time of a step
 _LEAST = 8  # least number of times at rest on either side of a step
 # of the session: of a longer period it shows less than a cycle, as a settling does

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.diagnosis.verdict import Finding
 from delta_calibration.report.document import Report, Section, Table
 from delta_calibration.report.drawing import (
     BEFORE,
@@ -143,8 +145,8 @@ def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
     names = tuple(file.name for file in files)
     found: dict[str, dict[str, Values]] = {}
     for number, file in enumerate(files):
-        for finding in file.verdict.findings:
-            of_cause = found.setdefault(finding.called(), {})
+        for cause, finding in _numbered(file.verdict.findings):
+            of_cause = found.setdefault(cause, {})
             for name, e in finding.parameters.items():
                 values = of_cause.setdefault(e.unit, {})
                 values.setdefault(name, []).append((number, e.value, e.std or 0.0))
@@ -163,6 +165,15 @@ def _values_figures(files: Sequence[VerdictFile]) -> tuple[Figure, ...]:
         for cause, of_cause in found.items()
         if any(_comparable(values) for values in of_cause.values())
     )
+
+
+def _numbered(findings: Sequence[Finding]) -> Iterator[tuple[str, Finding]]:
+    """Findings with their names, numbered from the second of a name: a machine has two gears."""
+    before: Counter[str] = Counter()
+    for finding in findings:
+        name = finding.called()
+        before[name] += 1
+        yield (name if before[name] == 1 else f"{name} {before[name]}"), finding
 
 
 def _comparable(values: Values) -> bool:
