@@ -129,7 +129,8 @@ def _of_effects(
         questions: dict[Hashable, list[list[Candidate]]] = {}
         for shape, group in zip(shapes, groups, strict=True):
             if group:
-                questions.setdefault((group[0].again, shape.question), []).append(group)
+                key = group[0].again, shape.question, tuple(c.rows for c in group)
+                questions.setdefault(key, []).append(group)
         yield from questions.values()
 
 
