@@ -61,6 +61,11 @@ class Calibration:
         )
 
     @property
+    def live_causes(self) -> tuple[str, ...]:
+        """Causes that are compensated, each once."""
+        return tuple(dict.fromkeys(effect.cause for effect, _ in self.live))
+
+    @property
     def left_out(self) -> tuple[str, ...]:
         """Causes that were identified but cannot be compensated; see `why_left_out`."""
         effects = self.chain.effects

@@ -208,7 +208,7 @@ class Chain:
 
 
 def _named(effects: Sequence[Effect]) -> Iterator[str]:
-    """A name for each effect: its cause, numbered from the second if it repeats."""
+    """Name each effect by its cause: tracker_drift, and tracker_drift_2 for a second one."""
     count: Counter[str] = Counter()
     for effect in effects:
         count[effect.cause] += 1

@@ -14,9 +14,9 @@ from delta_calibration.cli.main import run
 from delta_calibration.data import Survey, survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.documents import read_document
-from delta_calibration.effects import effect_named
+from delta_calibration.effects import Effect, effect_named
 from delta_calibration.estimation import Likelihood, Population, identify
-from delta_calibration.fleet.evidence import Fitted
+from delta_calibration.fleet.evidence import Fitted, alike
 from delta_calibration.fleet.population import Looked, estimate
 from delta_calibration.fleet.priors import read_priors, write_priors
 from delta_calibration.plans import make_plan
@@ -175,3 +175,20 @@ def test_a_diagnosis_tells_the_drawing_before_and_the_fleet_behind(
     assert again.held_out_rms_mm == pytest.approx(before.held_out_rms_mm, rel=0.02)
     assert told.verdict.extended.held_out_rms_mm < 1.1 * plain.verdict.extended.held_out_rms_mm
     save_calibration(tmp_path / "c.yaml", told.identification, robot, session.poses)
+
+
+def test_growths_are_of_one_kind_only_if_the_same_parts_follow_the_same_sensor(
+    robot: Robot,
+) -> None:
+    def growth(**shape: float | str) -> Effect:
+        return effect_named("thermal_growth_arm", robot, robot.model(), shape)
+
+    by_clock = growth(time_constant=1500.0)
+    others = (
+        growth(time_constant=900.0),
+        growth(time_constant=1500.0, alike=0.0),
+        growth(sensor="arm"),
+        growth(sensor="base"),
+    )
+    assert alike(by_clock) == alike(growth(time_constant=1502.0))
+    assert len({alike(effect) for effect in (by_clock, *others)}) == 5

@@ -28,14 +28,13 @@ def fitted():
     return identify(poses, SCARA), poses, machine
 
 
-def table_of(fitted, folder, **shape):
-    """Table beside a calibration that was extended by a drift of this shape."""
+def table_of(fitted, folder, effects, size=1e-4):
+    """Table beside a calibration that was extended by these effects, all their values alike."""
     found, poses, machine = fitted
-    drift = effect_named("joint_zero_drift", SCARA, found.chain.mechanism, shape)
-    chain = found.chain.with_effects((drift,))
-    values = np.full(len(drift.parameters), 1e-4)
-    size = len(chain.parameters)
-    theta, covariance = np.concatenate([found.theta, values]), np.eye(size) * 1e-10
+    chain = found.chain.with_effects(effects)
+    values = np.full(sum(len(effect.parameters) for effect in effects), size)
+    theta = np.concatenate([found.theta, values])
+    covariance = np.eye(len(theta)) * 1e-10
     uncertainty = replace(found.uncertainty, covariance=covariance)
     extended = replace(
         found, chain=chain, theta=theta, covariance=covariance, uncertainty=uncertainty
@@ -45,16 +44,36 @@ def table_of(fitted, folder, **shape):
     return hidden_and_found(machine, file)
 
 
+def effect(cause, **shape):
+    return effect_named(cause, SCARA, SCARA.model(), shape)
+
+
 def test_values_of_one_course_are_compared(fitted, tmp_path):
-    said = table_of(fitted, tmp_path, time_constant=1800.0)
+    said = table_of(fitted, tmp_path, (effect("joint_zero_drift", time_constant=1800.0),))
     assert "100.0" in said
     assert "cannot be compared" not in said
 
 
 def test_values_of_a_ramp_and_a_settling_are_not_compared(fitted, tmp_path):
-    said = table_of(fitted, tmp_path)
+    said = table_of(fitted, tmp_path, (effect("joint_zero_drift"),))
     assert "100.0" not in said
     assert (
         "joint zero drift: the cause is the same; it is hidden as settling and found as a ramp"
         in said
     )
+
+
+def test_each_of_two_gears_is_compared_with_the_one_of_its_order(fitted, tmp_path):
+    """Only the gear of 81 cycles has a second order; the other comes first."""
+    found, poses, _ = fitted
+    hidden = ("cycles=50,value=1e-4", "cycles=81,second=2,value=2e-4")
+    causes = [effect_options(f"transmission_error:{text}") for text in hidden]
+    gears = [
+        effect("transmission_error", **shape)
+        for shape in ({"cycles": 50.1}, {"cycles": 80.9, "second": 2.0})
+    ]
+    machine = draw_machine(SCARA, 7, 1.0, causes)
+    said = table_of((found, poses, machine), tmp_path, tuple(gears))
+    rows = [line for line in said.splitlines() if "second" in line]
+    assert rows
+    assert all("100.0" in row for row in rows)

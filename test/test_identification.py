@@ -15,7 +15,7 @@ from delta_calibration.estimation import identify, parts_of
 from delta_calibration.plans import make_plan
 from delta_calibration.recording import read_session
 from delta_calibration.robot import load_robot
-from delta_calibration.simulation import draw_machine, simulate_session
+from delta_calibration.simulation import draw_machine, effect_options, simulate_session
 from identification_bench import PARAMETERS, ROBOT, errors, found, prediction, rms
 from six_rods import Cell, SixRods, drawing_joints, workspace
 
@@ -183,6 +183,18 @@ def test_another_robot_is_refused_wherever_a_fit_would_put_the_reflector():
     short = replace(robot, dimensions=replace(robot.dimensions, rod=0.5))
     with pytest.raises(DataError, match=r"remain between .* another robot"):
         identify(poses, short)
+
+
+def test_pulleys_make_no_other_robot():
+    """They move it by more than four times what the tolerances do."""
+    robot = load_robot("cdpr8")
+    pulleys = effect_options("pulley_radius:value=0.12")
+    plan = make_plan("identify", robot, count=24, seed=1)
+    session = simulate_session(draw_machine(robot, 1, 0.3, [pulleys]), plan, 1)
+    poses = collect(session, robot.joints.names, robot.commanded.joint_size)
+    assert identify(poses, robot).frame_only.in_sample > 0.012
+    with pytest.raises(DataError, match=r"remain between .* another robot"):
+        identify(replace(poses, joint=poses.joint[:, ::-1]), robot)
 
 
 @pytest.mark.parametrize(

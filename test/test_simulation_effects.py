@@ -255,7 +255,7 @@ def test_a_drive_sags_under_its_payload():
     assert sag[:, 2].max() < -1e-5
 
 
-def test_one_arm_can_grow_more_than_the_others():
+def test_one_arm_can_grow_alone():
     machine = machine_with(
         "thermal_growth_arm:alike=0,location=joint_2,value=2e-4,time_constant=1", scatter=0.0
     )

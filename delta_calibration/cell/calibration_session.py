@@ -425,7 +425,7 @@ class CalibrationSession:
             "calibration made from": "" if calibration is None else calibration.source,
             "effects compensated": ""
             if calibration is None
-            else ", ".join(dict.fromkeys(effect.cause for effect, _ in calibration.live)),
+            else ", ".join(calibration.live_causes),
             "effects left out": self.left_out,
             "error left of the last poses fitted [mm]": fitted.last_errors() if fitted else "",
             f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",

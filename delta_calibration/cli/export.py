@@ -100,7 +100,7 @@ def command(
     elif points is not None:
         _write_points(calibration, calibration_file, points, payload, temperatures, out)
     if form in ("urdf", "dh") and calibration.live:
-        causes = ", ".join(dict.fromkeys(effect.cause for effect, _ in calibration.live))
+        causes = ", ".join(calibration.live_causes)
         click.echo(f"not included: {causes}; a {form} file contains the geometry only", err=True)
     if form in ("c", "csv"):
         for cause in calibration.left_out:

@@ -31,8 +31,8 @@ class Candidate:
     """A candidate cause: an effect in one shape, or a dimension that is out of its tolerance.
 
     `rows` are the indices of the free parameters: those of the effect or, if there is no effect,
-    those of the mechanism's geometry. `again` counts the terms of the same cause that it can stand
-    beside (`Effect.apart`): 1 for the second bump of a tracker's stand.
+    those of the mechanism's geometry. `again` is the number of the occasion if a machine has the
+    cause more than once (`Effect.apart`): 1 for the second bump of a tracker's stand.
     """
 
     cause: str
@@ -124,19 +124,19 @@ class Candidate:
         return self.again == other.again or not self.effect.apart(other.effect)
 
     def beside(self, used: Sequence[Candidate]) -> Candidate:
-        """The candidate for the occasion that it has beside the terms in use."""
+        """The candidate with the number of its occasion beside the terms in use.
+
+        That of a term whose occasion it shares; else the first that none of them has.
+        """
         if self.effect is None or not self.effect.repeats:
             return self
-        same = [m for m in used if m.cause == self.cause and m.effect is not None]
-        for m in same:
-            if m.effect is not None and not m.effect.apart(self.effect):
-                return replace(self, again=m.again) if m.again else self
-        taken = {m.again for m in same}
-        again = next(k for k in range(len(same) + 1) if k not in taken)
-        return replace(self, again=again) if again else self
+        same = [(m.again, m.effect) for m in used if m.cause == self.cause and m.effect]
+        shared = (k for k, effect in same if not effect.apart(self.effect))
+        free = set(range(len(same) + 1)) - {k for k, _ in same}
+        return replace(self, again=next(shared, min(free)))
 
     def contains(self, other: Candidate) -> bool:
-        """Whether another of the same cause and occasion moves nothing that it does not move.
+        """Whether all that another of the same cause and occasion moves is moved by this one too.
 
         Parameters are compared by name; those of curves of unlike resolution, and of other effects
         whose shapes have unlike parameters, by the joints that they move: a shared one moves all.

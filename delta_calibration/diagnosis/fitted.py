@@ -321,9 +321,9 @@ class Fitted(ABC):
 
     @cached_property
     def at_strongest_place(self) -> tuple[tuple[Candidate, ...], ...]:
-        """Variants of the terms, each with one at its strongest place only, if nearly as good.
+        """Sets of terms in which one acts at its strongest joint only, if that is nearly as good.
 
-        In the coarse shapes of the search, values of other places made up for the shape.
+        In the coarse shapes of the search, values of the other joints made up for the shape.
         """
         terms = self.terms
         every = enumerate(mapped(self._strongest_place, range(len(terms))))
@@ -332,7 +332,7 @@ class Fitted(ABC):
         )
 
     def _strongest_place(self, i: int) -> Candidate | None:
-        """A term of the whole machine at one place, in its own shape; None if far from as good."""
+        """A term of all joints at one of them, in its own shape; None if that is far worse."""
         terms, term = self.terms, self.terms[i]
         if term.effect is None or term.unexplained or term.location is not None:
             return None
@@ -452,7 +452,8 @@ def _ahead(about: Shapes, term: Candidate) -> Candidate:
 def _zoomed(about: Shapes, term: Candidate, interval: Interval) -> Candidate:
     """The best shape within the interval of one field, by a grid search that zooms in.
 
-    Values at which the effect jumps are tried one by one, and zoomed into if one is better.
+    Values at which the effect changes by leaps are tried one by one as well, because a grid steps
+    over them.
     """
     name, low, high = interval
     found = _zoomed_between(about, term, name, low, high)

@@ -90,7 +90,7 @@ class Effect(ABC):
     called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words
     part: ClassVar[str] = ""  # part of the machine whose temperature drives it
     repeats: ClassVar[bool] = False  # whether a machine may have it more than once (`apart`)
-    again_at_one_place: ClassVar[bool] = False  # whether beside the first only at single joints
+    again_at_one_place: ClassVar[bool] = False  # whether all but the first are of single joints
 
     # For the simulator: settings of which only one can be given, and whether a value may be
     # negative where its bounds allow it. For the demonstrations: how they show the effect.
@@ -246,7 +246,7 @@ class Effect(ABC):
 
     @property
     def at_one_place(self) -> bool:
-        """Whether a machine has it at one joint only: a search tries no two places together."""
+        """Whether the effect in this shape acts at one joint: no search tries two together."""
         return False
 
     @property
@@ -259,9 +259,9 @@ class Effect(ABC):
         return None
 
     def apart(self, other: Effect) -> bool:
-        """Whether another shape of the effect is a second occasion, found beside this one.
+        """Whether a machine can have the effect in this shape and in another one at once.
 
-        Never if a machine has the cause once at most (`repeats`).
+        A stand can be bumped twice, at two moments. Never true of effects that do not `repeats`.
         """
         del other
         return False
@@ -299,7 +299,10 @@ class Effect(ABC):
         return ()
 
     def jumps(self, name: str, at: Conditions) -> Array:
-        """Values of a searched field near its own at which the effect changes by leaps, (k,)."""
+        """Values of a searched field at which the effect changes by leaps, (k,); none by default.
+
+        Only those near its own value: moments within the motion in which a step was found.
+        """
         del name, at
         return np.zeros(0)
 

@@ -39,7 +39,7 @@ from delta_calibration.parameters import ParameterSet
 REFERENCE = 20.0  # [deg C]
 _WARMING = 0.5  # [K] a sensor whose temperature varies less is of no use
 _BEHIND = 60.0  # [s] assumed standard deviation of a sensor's delay behind its part
-_ALONE = 4.0  # how many times rarer one part warms alone
+_ALONE = 4.0  # how many times rarer one part grows alone than all alike; an assumption
 _AROUND = 150.0  # [s] before and after a sample, over which the warming rate is averaged
 
 
@@ -203,21 +203,21 @@ class ThermalGrowth(Growth):
 
     @property
     def at_one_place(self) -> bool:
-        """One part that warms more than the others like it.
+        """Whether one part alone grows, and the others like it do not.
 
-        Growth of each by itself could make whatever drifts of all joints make.
+        Several growths at once could imitate any drift of the joints' zeros.
         """
         return not self.alike
 
     @property
     def rarity(self) -> float:
-        """A single part that warms more than the others like it is rarer than all alike."""
+        """A single part that grows alone is rarer than all that grow alike."""
         return 1.0 if self.alike else _ALONE
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
-        """Each shape of growth, of all parts alike and of each by itself.
+        """Each shape of growth, of all parts alike and of one alone.
 
-        What makes all parts of a room go up and down makes them do so alike.
+        The temperature of a room, which goes up and down, makes all parts grow alike.
         """
         several = self.many and len(self._places) > 1
         for shape in cast("Iterator[Growth]", super().shapes(at)):

@@ -91,7 +91,7 @@ class ThermalGrowthScrew(Growth):
         return {"screws": "all grow alike"} if self.alike else {}
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Also the bearing, from half a travel before the travel to half a travel behind it.
+        """Also the bearing, within half a travel of either end of the travel.
 
         Growth from a bearing far away would be a drift of the zero.
         """

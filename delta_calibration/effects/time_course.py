@@ -87,7 +87,7 @@ def _in_motion(time: Array) -> Array:
     return np.asarray(moments[np.searchsorted(clock, np.arange(apart, clock[-1], apart))])
 
 
-def moments_near(step_at: float, at: Conditions) -> Array:
+def _moments_near(step_at: float, at: Conditions) -> Array:
     """Moments in motion [s] between the two poses at rest about the time of a step."""
     resting = (at.velocity == 0).all(axis=1)
     stops = np.unique(at.time[resting])
@@ -167,8 +167,8 @@ class Drift(Effect):
         return self.time_constant, self.step_at, self.period, self.phase
 
     def jumps(self, name: str, at: Conditions) -> Array:
-        """Moments of a step while the machine moves: seconds off it explains next to nothing."""
-        return moments_near(self.step_at, at) if name == "step_at" else np.zeros(0)
+        """Moments of a motion at which a step can be, between the stops before and after it."""
+        return _moments_near(self.step_at, at) if name == "step_at" else np.zeros(0)
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """A ramp, settling from minutes to over an hour, steps, and cycles."""
@@ -178,9 +178,9 @@ class Drift(Effect):
             yield replace(self, time_constant=0.0, step_at=-1.0, period=period, phase=phase)
 
     def apart(self, other: Effect) -> bool:
-        """A course of another kind, or a step at another moment: one more drift of the same part.
+        """Whether both can go on at once: courses of unlike kinds, or steps minutes apart.
 
-        A ramp and a settling are one kind.
+        A ramp and a settling are of one kind.
         """
         if not isinstance(other, Drift):
             return False

@@ -107,7 +107,7 @@ class TransmissionError(HarmonicEffect):
                 yield replace(self, second=second)
 
     def apart(self, other: Effect) -> bool:
-        """Another order, that of another gear: joints may have unlike gears."""
+        """Whether the orders are those of two gears: joints may have unlike ones."""
         if not isinstance(other, TransmissionError):
             return False
         least = 2 * _BETWEEN / self.mechanism.joint_size

@@ -457,7 +457,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
     singularity. Reflector offset and tracker frame are not parts of the robot and do not count
     among what its tolerances explain. A tracker that was pushed, or a joint that slipped, makes no
     other robot: most parts of the session in the order of time fit it, each in a frame of its own.
-    Effects of usual size explain what tolerances do not: pulleys of a cable robot.
+    If tolerances do not explain the residuals, effects of usual size in drives and parts count.
 
     Args:
         problem: with all parameters free and the drawing's priors.
@@ -493,7 +493,7 @@ def require_this_robot(problem: Problem, poses: Poses, robot: Robot) -> None:
 def _expected_with_effects(problem: Problem, robot: Robot, spread: Array) -> float:
     """Median displacement by the tolerances and by effects of usual size in drives and parts [m].
 
-    Pulleys of a cable robot move it farther than the tolerances of its anchors.
+    Pulleys can move a cable robot farther than the tolerances of its anchors do.
 
     Args:
         problem: of the poses.

@@ -60,7 +60,7 @@ def dh_tables(calibration: Calibration) -> dict[str, Any]:
     return {
         "robot": {"name": robot.name, "sha256": robot.hash},
         "calibration": {"sha256": calibration.seal, "session": calibration.source},
-        "not_in_it": [effect.cause for effect, _ in calibration.live],
+        "not_in_it": list(calibration.live_causes),
         "convention": _CONVENTION,
         "joints": list(robot.joints.names),
         "drives": {
