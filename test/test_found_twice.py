@@ -101,7 +101,7 @@ def test_a_bump_in_the_middle_of_a_motion_is_told_with_its_moment():
     seen = session(9901)
     path = np.bincount(seen.paths.path).argmax()  # the longest
     time = seen.paths.conditions.time[seen.paths.path == path]
-    bump = float(np.quantile(time, 0.3))
+    bump = float(np.quantile(time, 0.75))
     said = diagnose(session(9901, [(bump, *FIRST[1:])]), ROBOT, seed=1).verdict
     assert [f.cause for f in said.findings] == ["tracker_drift"]
     assert not said.unknown_structure.found
