@@ -130,6 +130,11 @@ class Growth(Effect):
         """Whether all parts grow alike, by one value, or each by its own."""
         return self.alike
 
+    @property
+    def rarity(self) -> float:
+        """Growth of one part alone, or of each by itself, is rarer than that of all alike."""
+        return 1.0 if self.alike else _ALONE
+
     def wrong(self) -> str:
         """Also check the cycle, and that parts grow alike or not."""
         allowed, said = ((0.0, 1.0), "0 or 1") if self.many else ((1.0,), "1")
@@ -208,11 +213,6 @@ class ThermalGrowth(Growth):
         Several growths at once could imitate any drift of the joints' zeros.
         """
         return not self.alike
-
-    @property
-    def rarity(self) -> float:
-        """A single part that grows alone is rarer than all that grow alike."""
-        return 1.0 if self.alike else _ALONE
 
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Each shape of growth, of all parts alike and of one alone.
