@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from scipy.optimize import brentq
 
 from blind import hide
-from blind.cables import _arc
+from blind.cables import _arc, off_pulley, over_pulley
 from blind.causes import CAUSES
 from blind.delta import DELTA, ROD_KG
 from blind.machine import Changed, assemble, drawing, manufactured
@@ -395,6 +395,17 @@ def test_a_cable_hangs_as_a_catenary(level: float, rise: float) -> None:
     arc = a * (np.sinh((level + begin) / a) - np.sinh(begin / a))
     hangs = _arc(np.array([[[level, 0.0, rise]]]), np.array([[pull]]), weight)[0, 0]
     assert_allclose(hangs - chord, arc - chord, rtol=2e-3)
+
+
+def test_a_cable_pulls_along_its_straight_part() -> None:
+    """The way over a pulley changes by the shift of its end along the straight part."""
+    away, step = np.random.default_rng(7).uniform(0.3, 2.0, (20, 8, 3)), 1e-6
+    rising = np.arange(8) % 2 == 0
+    slope = [
+        (over_pulley(away + d, 0.03, rising) - over_pulley(away - d, 0.03, rising)) / (2 * step)
+        for d in step * np.eye(3)
+    ]
+    assert_allclose(np.stack(slope, axis=-1), off_pulley(away, 0.03, rising), atol=1e-8)
 
 
 def test_causes_add_up() -> None:

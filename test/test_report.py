@@ -139,6 +139,15 @@ def test_the_evidence_for_a_named_dimension_is_that_of_its_finding() -> None:
     assert bar.length.tolist() == [3620.0]
 
 
+def test_the_table_tells_how_sure_each_finding_of_a_name_is() -> None:
+    verdict = found().verdict
+    first = next(f for f in verdict.findings if f.cause == "backlash")
+    both = first, replace(first, confidence=0.61)
+    told = replace(found(), verdict=replace(verdict, findings=both))
+    sures = {row[6] for row in evidence_table(told).rows if row[0].startswith("backlash")}
+    assert sures == {f"{sure(first.confidence)} and {sure(0.61)}"}
+
+
 def test_repeats_that_scatter_more_than_the_file_states_are_told() -> None:
     """What changes from visit to visit counts as noise, so that nothing else would show it."""
     plain = found()

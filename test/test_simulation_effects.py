@@ -369,6 +369,8 @@ def test_the_seed_decides_effects():
     [
         ("transmission_error", {"cycles": 33.0, "second": 0.0}),
         ("transmission_error:cycles=66,second=2", {"cycles": 66.0, "second": 2.0}),
+        ("transmission_error:second=2", {"cycles": 33.0, "second": 2.0}),
+        ("thermal_growth_arm:alike=0,location=joint_2", {"sensor": "arm", "alike": 0.0}),
         ("thermal_growth_arm", {"sensor": "arm", "time_constant": 0.0}),
         ("thermal_growth_base", {"sensor": "base", "time_constant": 0.0}),
         ("thermal_growth_forearm", {"sensor": "", "time_constant": 2400.0}),
@@ -435,6 +437,7 @@ def test_the_tool_stands_where_drives_and_structure_bring_it():
     [
         ("backlash:gap=1", "effect backlash: unknown option gap; allowed: location, value, stren"),
         ("backlash:width=1", "unknown option width; allowed: location, value, strength, held_by$"),
+        ("tracker_scale:gap=1", "unknown option gap; allowed: value, strength$"),
         ("tracker_scale:location=joint_1", "unknown option location; allowed: value, strength$"),
         (
             "transmission_error:cycle=3",

@@ -68,5 +68,6 @@ ON_THE_WAY = 0.1  # of the way: a step this small ends an intermediate stage (`k
 LEADS_ON = 0.01  # of the distance to a pose: a step that leaves no more converges to that pose
 SETTLED_POSE = 1e-12  # [m, rad] a round that moves the pose no more than this is the last
 AIMED = 1e-9  # [m] largest miss of a tool's target after the last step, effects included
+ASIDE = 1e-6  # [m, rad] step of the finite differences by the pose
 SAME_POSE = 1e-6  # [m, rad] poses that differ by no more are the same
 JOINED = 1e-9  # [rad, m] last step of joints that are solved for a pose

@@ -66,6 +66,7 @@ class Room(NamedTuple):
     work: Array  # (L, s) workspaces of the limbs
     f: Array  # (R,)
     by_x: Array  # (R, k)
+    by_drives: Array  # (R, k) by the pose, through the effects of the drives; see `add_by_drives`
     by_q: Array  # (R, m)
     by_g: Array  # (R, p)
     system: Array  # (max, max + sides)
@@ -74,7 +75,8 @@ class Room(NamedTuple):
     step: Array  # of the unknowns, or a weight for each output
     way: Array  # (m,) joints of a stage on the way
     past: Array  # (k,) pose of the stage before, on the way
-    stage: Array  # (2,) last stage evaluated, or 0; 1 if `factor` is of the same place, else 0
+    # (2,) last stage evaluated, or 0; 1 if `factor` is of f_x there, -1 if f_x has more, else 0
+    stage: Array
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
@@ -96,6 +98,7 @@ def room(limbs: Limbs, size: int) -> Room:
     return Room(
         work,
         np.zeros(r),
+        np.zeros((r, k)),
         np.zeros((r, k)),
         np.zeros((r, m)),
         np.zeros((r, p)),
@@ -281,6 +284,23 @@ def _gather(limbs: Limbs, every: Array, f: Array, by_x: Array) -> None:
 
 
 @compiled(borrows=True)
+def add_by_drives(limbs: Limbs, room: Room) -> None:
+    """Add to f_x, after `place`, what the effects of the drives change as the pose does.
+
+    The pose is where the closures' squares are least, so that if they outnumber the coordinates it
+    depends on the whole derivative: a cable pulls along its way from the pulley, not from the
+    anchor. Where the closures vanish, no part of it is needed.
+    """
+    r, k = limbs.sizes[R], limbs.sizes[K]
+    if r == k:
+        return
+    for row in range(r):
+        for i in range(k):
+            room.by_x[row, i] += room.by_drives[row, i]
+    room.stage[1] = -1.0
+
+
+@compiled(borrows=True)
 def spread_joints(limbs: Limbs, room: Room) -> None:
     """Put the limbs' derivatives by their joints into their places in `by_q`."""
     count = limbs.joints.shape[1]
@@ -365,7 +385,7 @@ def factored(limbs: Limbs, room: Room) -> bool:
     else:
         squares(room.by_x, room.factor)
         good = _halved(room.factor, k)
-    room.stage[1] = 1.0 if good else 0.0
+    room.stage[1] = 1.0 if good and room.stage[1] == 0.0 else 0.0
     return good
 
 
@@ -589,6 +609,7 @@ def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool
 def nearer(limbs: Limbs, q: Array, x: Array, room: Room) -> float:
     """Take one Newton step of the pose x (k,) at joints q (m,); returns its size, or NaN."""
     place(limbs, q, x, NEAR, room)
+    add_by_drives(limbs, room)
     if not towards(room, limbs.sizes[R], limbs.sizes[K]):
         return np.nan
     most = 0.0

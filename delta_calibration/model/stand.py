@@ -4,6 +4,7 @@ For one sample, with D the sum of the effects of the drives and S that of the st
 
     f(q + D(c, x, loads), x, g + S(c, x, loads)) = 0
 
+or, if closures outnumber the coordinates of the pose, where their squares are least.
 Loads, and other inputs of an effect from the machine, are those at the pose itself. The pose is
 therefore found in rounds (fixed-point iteration), each with the effects at the pose of the round
 before. Effects move it by hundredths of what the joints do, so that a few rounds settle it. If
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.model.chain_constants import (
     ACCELERATION,
+    ASIDE,
     CARRIED,
     CENTRE,
     GEOMETRY,
@@ -48,6 +50,7 @@ from delta_calibration.model.chain_constants import (
 )
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
+    BESIDE,
     FULL,
     SETUP,
     SHARED,
@@ -55,19 +58,23 @@ from delta_calibration.model.kernels import (
     Limbs,
     M,
     P,
+    R,
     Room,
     assemble,
     closed,
     copy_into,
+    fill,
     follow,
     nearer,
     own_joint,
+    place,
     room,
     same,
     set_geometry,
+    spread_joints,
 )
 from delta_calibration.model.loads import Bearing, Carried, bear, carried, set_masses
-from delta_calibration.model.terms import Table, add_shift
+from delta_calibration.model.terms import Table, add_shift, takes
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -132,6 +139,8 @@ class State(NamedTuple):
     structure: Array
     base: Array
     joint: Array  # (m,) behind the drives
+    moved: Array  # (m,) the same a little aside
+    followed: Array  # (k,) pose of the closures' derivative by the drives, NaN if there is none
     kept: Kept
     geometry: Array  # (p,) dimensions under the sample's conditions
     shaped: Array  # (p,) dimensions that it is to have
@@ -156,6 +165,8 @@ def state_of(body: Body, stages: Stages) -> State:
         stages.structure.work.copy(),
         stages.base.work.copy(),
         np.zeros(limbs.sizes[M]),
+        np.zeros(limbs.sizes[M]),
+        np.full(limbs.sizes[K], np.nan),
         Kept(np.zeros((len(limbs.joints), body.size)), np.zeros(len(own))),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[P]),
@@ -361,6 +372,9 @@ def opened_near(body: Body, q: Array, x: Array, stray: float, state: State) -> b
 def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: State) -> None:
     if len(stages.structure.law):
         back_to(body, g, state)
+    fill(state.room.by_drives, 0.0)
+    for i in range(len(state.followed)):
+        state.followed[i] = np.nan
     copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
 
 
@@ -372,6 +386,39 @@ def take_effects(
     copy_into(state.before, x)
     add_signals(body, stages, signals, x, state)
     shift(body, stages, signals, g, values, state)
+    if body.limbs.sizes[R] == body.limbs.sizes[K] or apart(x, state.followed) <= SAME_POSE:
+        return
+    if takes(stages.drive, stages.at[POSE], len(x)):
+        follow_drives(body, stages, signals, values, x, state)
+
+
+@compiled(borrows=True)
+def follow_drives(
+    body: Body, stages: Stages, signals: Array, values: Array, x: Array, state: State
+) -> None:
+    """Compute the closures' derivative by the pose through the effects of the drives.
+
+    From differences of the effects at constant loads, which hardly change with the pose. It is
+    kept until the pose x (k,) is another: its rounding would keep rounds from settling. The
+    workspaces of the effects are left at the pose.
+    """
+    limbs, own, moved = body.limbs, state.room, state.moved
+    copy_into(state.followed, x)
+    place(limbs, state.joint, x, BESIDE, own)
+    spread_joints(limbs, own)
+    first = stages.at[POSE]
+    for i in range(len(x)):
+        signals[first + i] = x[i] + ASIDE
+        copy_into(moved, signals[stages.at[JOINT] : stages.at[JOINT] + len(moved)])
+        add_shift(stages.drive, signals, values, state.drive, moved)
+        signals[first + i] = x[i]
+        for row in range(len(own.by_drives)):
+            own.by_drives[row, i] = 0.0
+            for j in range(len(moved)):
+                change = (moved[j] - state.joint[j]) / ASIDE
+                own.by_drives[row, i] += own.by_q[row, j] * change
+    copy_into(moved, state.joint)
+    add_shift(stages.drive, signals, values, state.drive, moved)
 
 
 @compiled(borrows=True)
@@ -385,11 +432,21 @@ def next_round(
     x: Array,
     state: State,
 ) -> bool:
-    """Solve the pose x (k,) again, with the effects at the present one; see `stand`."""
+    """Solve the pose x (k,) again, with the effects at the present one; see `stand`.
+
+    By one step where the closures' derivative includes the effects: more would not be closer.
+    """
     take_effects(body, stages, signals, g, values, x, state)
-    good = assemble(body.limbs, state.joint, x, stray, state.room)
-    state.swing[0] = apart(x, state.before)
-    return good
+    if state.followed[0] != state.followed[0]:  # NaN
+        good = assemble(body.limbs, state.joint, x, stray, state.room)
+        state.swing[0] = apart(x, state.before)
+        return good
+    state.swing[0] = nearer(body.limbs, state.joint, x, state.room)
+    if state.swing[0] < np.inf and closed(body.limbs, state.room, 0.0, stray):
+        return True
+    for i in range(len(x)):
+        x[i] = np.nan
+    return False
 
 
 @compiled(borrows=True)

@@ -31,7 +31,16 @@ from delta_calibration.model.chain_constants import (
     READINGS,
 )
 from delta_calibration.model.jit import compiled, record
-from delta_calibration.model.kernels import FULL, K, M, copy_into, fill, moved, place
+from delta_calibration.model.kernels import (
+    FULL,
+    K,
+    M,
+    add_by_drives,
+    copy_into,
+    fill,
+    moved,
+    place,
+)
 from delta_calibration.model.loads import point_at
 from delta_calibration.model.stand import Body, Stages, State, stand, state_of, take_dimensions
 from delta_calibration.model.terms import Table, add_shift, slopes_into, takes
@@ -182,6 +191,7 @@ def _derive(
     own, slope = room.state, room.slope
     _by_pose(body, room.turned, asked, own, slope)
     place(body.limbs, own.joint, x, FULL, own.room)
+    add_by_drives(body.limbs, own.room)
     moved(body.limbs, slope, own.room, by_joints, jacobian)
     slopes_into(stages.drive, sample, own.drive, by_joints, jacobian)
     slopes_into(stages.structure, sample, own.structure, jacobian, jacobian)

@@ -149,7 +149,7 @@ def _row(score: Score, scan: Scan, verdict: Verdict) -> tuple[str, ...]:
         size, p = figures(named.signal, 4), chance(named.p_value)
         return (named.called(), size, "1", NO_VALUE, p, NO_VALUE, sure(named.confidence))
     p_value = float(np.exp(min(0.0, score.log_p + np.log(scan.tests))))
-    finding = next((f for f in verdict.findings if f.cause == score.candidate.cause), None)
+    found = [sure(f.confidence) for f in verdict.findings if f.cause == score.candidate.cause]
     return (
         spoken(score.candidate.label),
         figures(score.gain, 4),
@@ -157,5 +157,5 @@ def _row(score: Score, scan: Scan, verdict: Verdict) -> tuple[str, ...]:
         figures(score.log_bayes, 4),
         chance(p_value),
         figures(score.tries, 3),
-        sure(finding.confidence) if finding else NO_VALUE,
+        " and ".join(found) or NO_VALUE,
     )

@@ -8,7 +8,7 @@ with a strength also signs and each joint's share; always within what a machine 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,13 +119,18 @@ def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
         raise InputError(f"effect {cause}: {plain.lacking}")
     # A setting that is an array cannot be an option: it goes with the values.
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
-    require_known(cause, options, (LOCATION, VALUE, STRENGTH, *own))
     require_one_of(cause, options, plain.one_of)
     given = {key: _setting(plain, key, own[key], options) for key in own if key in options}
-    effect = effect_named(cause, robot, chain.mechanism, given or plain.usual(PARTS))
+    effect = effect_named(cause, robot, chain.mechanism, {**_usual_beside(plain, given), **given})
     places = [LOCATION] if any(p.location for p in effect.parameters) else []
     require_known(cause, options, (*places, VALUE, STRENGTH, *own))
     return effect
+
+
+def _usual_beside(plain: Effect, given: Collection[str]) -> dict[str, Setting]:
+    """Return the usual settings, without one to which a given setting is the alternative."""
+    either = plain.one_of if any(key in plain.one_of for key in given) else ()
+    return {k: v for k, v in plain.usual(PARTS).items() if k not in either}
 
 
 def _setting(effect: Effect, key: str, usual: Setting, options: Options) -> Setting:

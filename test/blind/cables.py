@@ -109,6 +109,19 @@ def over_pulley(away: Array, radius: float, rising: Array) -> Array:
     return radius * (np.pi - leaves) + free
 
 
+def off_pulley(away: Array, radius: float, rising: Array) -> Array:
+    """Unit vectors along the straight part of the same cables, from groove to platform joint.
+
+    By the right triangle of groove, centre and joint: its length and the radius give the angle.
+    """
+    across = np.hypot(away[..., 0], away[..., 1])
+    sign = np.where(rising, 1.0, -1.0)
+    level, above = across - radius, sign * away[..., 2]
+    up = np.arctan2(above, level) - np.arcsin(radius / np.hypot(level, above))
+    outward = np.cos(up) / across
+    return np.stack([outward * away[..., 0], outward * away[..., 1], sign * np.sin(up)], axis=-1)
+
+
 def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cause:
     """Cables run over swivelling pulleys that the controller models as points.
 
@@ -123,6 +136,9 @@ def pulley_radius(rng: np.random.Generator, strength: float, legs: Array) -> Cau
         more = over_pulley(here, radius, rising) - np.linalg.norm(here, axis=2)
         less = over_pulley(home, radius, rising) - np.linalg.norm(home, axis=2)
         _lets_out(state, less - more)
+        straight = here / np.linalg.norm(here, axis=2, keepdims=True)
+        turned = off_pulley(here, radius, rising) - straight
+        state.changed = state.changed.plus("direction", turned)
 
     return Cause("pulley_radius", act, {"radius": radius, "rise": (high, low)})
 

@@ -107,7 +107,9 @@ class CableRobot(Kind):
         self, q: Array, build: Build, changed: Any = None, near: CableStand | None = None
     ) -> CableStand:
         at_home = np.linalg.norm(self.away(self.home[None], build), axis=2)
-        more = 0.0 if changed is None else changed.of("cable")
+        more, turned_by = (
+            0.0 if changed is None else changed.of(part) for part in ("cable", "direction")
+        )
         let_out = at_home + build.gain * (q + build.zero) + more
 
         place, gibbs = np.tile(self.home[:3], (len(q), 1)), np.zeros((len(q), 3))
@@ -117,7 +119,7 @@ class CableRobot(Kind):
             arms = turned(gibbs, build.joint)
             cable = place[:, None] + arms - build.anchor
             length = np.linalg.norm(cable, axis=2)
-            unit = cable / length[..., None]
+            unit = cable / length[..., None] + turned_by  # along which the cable pulls
             slope = np.concatenate([unit, 2 * np.cross(arms, unit)], axis=2)
             across = np.swapaxes(slope, 1, 2)
             short = across @ (let_out - length)[..., None]
