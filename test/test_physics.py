@@ -209,6 +209,18 @@ def test_a_drive_that_yields_with_play_and_friction_is_all_three():
 
 
 @pytest.mark.slow
+def test_friction_that_winds_up_a_drive_is_no_play():
+    """It leaves the arm behind as play does, but the weight would have pushed through a gap."""
+    verdict = said_of({"friction": 3.0, "drive": SPRING}, 52, count=24)
+    assert {f.cause for f in verdict.findings} == {"stick_slip", "joint_compliance"}
+    assert not verdict.unknown_structure.found
+    for finding in verdict.findings:
+        true = {"joint_compliance": 1 / SPRING, "stick_slip": 3.0 / SPRING}[finding.cause]
+        for each in list(finding.parameters.values())[:3]:
+            assert abs(each.value - true) < 4 * each.std
+
+
+@pytest.mark.slow
 def test_two_causes_that_were_one_in_their_first_shapes_are_told_apart():
     """Backlash that loads never decide was like friction that winds up a spring."""
     name = "backlash and drive springs under weight and friction"

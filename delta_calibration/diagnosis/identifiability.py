@@ -44,6 +44,7 @@ def unseen(
     """
     said = [_of_class(finding) for finding in findings if finding.equivalents]
     found = {finding.cause for finding in findings}
+    alike = {(f.cause, other) for f in findings for other in f.equivalents}
     reasons: dict[tuple[str, str], list[str]] = {}
     whole = beside(evidence, terms)
     for effect in effects:
@@ -57,6 +58,8 @@ def unseen(
         if blind is not None:
             partners, because, following = blind
             if effect.cause in partners:  # a dimension of the same name is fitted anyway
+                continue
+            if alike & {(partner, effect.cause) for partner in partners}:  # said above
                 continue
             names = reasons.setdefault((because, following), [])
             names += [n for n in (effect.cause, *partners) if n not in names]

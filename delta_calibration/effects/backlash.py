@@ -41,7 +41,8 @@ from delta_calibration.effects.signals import (
     Places,
     nominal,
 )
-from delta_calibration.effects.springs import STATE_MASSES, UNWEIGHED
+from delta_calibration.effects.springs import STATE_MASSES, UNWEIGHED, DriveCompliance
+from delta_calibration.effects.stick_slip import StickSlip
 from delta_calibration.model.chain_constants import FREE_FALL, OF_WEIGHT
 from delta_calibration.model.symbols import Symbol, absolute, maximum, minimum, sign, where
 from delta_calibration.model.terms import Term
@@ -143,6 +144,32 @@ class Backlash(Effect):
         """Load [N m, N] below which its sign is only rounding error, as about upright axes."""
         return _ROUNDING * FREE_FALL * float(np.sum(self.mechanism.weights(self.robot.masses)))
 
+    def alike_beside(self, other: Effect) -> tuple[str, str] | None:
+        """Friction that winds up a drive which yields, if it hardly changes with speed.
+
+        It leaves the arm behind from either side as friction in a gap does, unless loads decide.
+        """
+        if self.held_by or not other.yields:
+            return None
+        return StickSlip.cause, StickSlip.outside
+
+    def really(
+        self, values: Array, other: Effect, of_other: Array, at: Conditions
+    ) -> Effect | None:
+        """Friction that winds up the drives, if the gaps are less than what it winds them up by.
+
+        To keep an arm on both flanks of a gap, friction must exceed the loads of nearly all poses.
+        From either side it winds up a drive of compliance c by c times as much.
+        """
+        if self.held_by or not isinstance(other, DriveCompliance) or not self._heavy:
+            return None
+        load = np.quantile(np.abs(self._load(at)), _NEARLY_ALL, axis=0)
+        some = values > 0
+        wound = 2 * load[some] * of_other[some]
+        if not some.any() or not (wound > values[some]).all():
+            return None
+        return StickSlip(self.robot, self.mechanism, level=1.0)
+
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """Backlash that a session cannot show because weight decides on which side the gap is.
 
@@ -200,3 +227,4 @@ _LEAST = 1e-9  # [rad of a Delta]
 _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below friction
 _LOWEST = 1e-6  # lower end of an interval of friction, as a share of its middle
 _ROUNDING = 1e-6  # of the torque of the robot's weight at a lever of a metre
+_NEARLY_ALL = 0.95  # share of the poses whose loads friction must exceed

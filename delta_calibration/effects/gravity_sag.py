@@ -52,6 +52,7 @@ class GravitySag(Effect):
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     gentle: ClassVar[bool] = True
+    yields: ClassVar[bool] = True
 
     payload: str = UNKNOWN  # or KNOWN: the payload's part then has its own parameters
 

@@ -80,6 +80,7 @@ class DriveCompliance(Effect):
 
     stage: ClassVar[Stage] = Stage.DRIVE
     gentle: ClassVar[bool] = True
+    yields: ClassVar[bool] = True
     needs: ClassVar[tuple[str, ...]] = ("payload",)
     takes: ClassVar[tuple[str, ...]] = (GRAVITY, INERTIA)
 

@@ -49,6 +49,10 @@ class StickSlip(Effect):
         "clean and grease the guide or bearing, or replace it",
         "move the joint through its range at the lowest speed and watch the torque of the drive",
     )
+    outside: ClassVar[str] = (
+        "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
+        "against a drive that yields it springs back"
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
@@ -104,7 +108,12 @@ class StickSlip(Effect):
         return float(np.exp(max(0.0, self.level - _USUAL) ** 2 / (2 * _RARE**2)))
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Searched fields, each between its neighbours in the search; up to `_MOST` the level."""
+        """Searched fields, each between its neighbours in the search; up to `_MOST` the level.
+
+        None if friction does not change with speed.
+        """
+        if self.level >= 1.0:
+            return ()
         most = min(self.level + _NEXT, max(self.level, _MOST))
         stopped = ("stopped", 0.0, _NEARLY_ALL)
         return (
