@@ -27,8 +27,10 @@ from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import (
     COMPARED_LAWS,
     COMPLETE,
+    LACKING,
     LAW_ALIKE,
     LAW_BESIDE,
+    LAW_EXPLAINS,
     LAW_FORETOLD,
     LAW_SHOWS,
     LAW_SURE,
@@ -318,7 +320,11 @@ def _holds(
     effect: Effect,
     rng: np.random.Generator,
 ) -> bool:
-    """Whether the law predicts held-out parts of the data, and a map adds nothing to it."""
+    """Whether the law predicts held-out parts of the data and leaves noise only.
+
+    What is left must be little, and no map may add to the law: a law that is only nearly right
+    would be stated as surely as the right one.
+    """
     columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
@@ -327,4 +333,12 @@ def _holds(
     if not shares or min(shares) < LAW_FORETOLD:
         return False
     beside = evidence.beside(columns, np.full(columns.width, PRECISION))
+    left = _excess(beside)
+    if beside.misfit > LACKING and left > (1 - LAW_EXPLAINS) * _excess(evidence):
+        return False
     return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
+
+
+def _excess(evidence: LinearizedModel) -> float:
+    """Chi square beyond that of noise."""
+    return (evidence.misfit - 1) * evidence.degrees
