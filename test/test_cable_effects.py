@@ -339,6 +339,21 @@ def test_the_platform_rests_where_squares_of_the_lengths_over_pulleys_are_least(
     np.testing.assert_allclose(found, [rests(one) for one in motors], atol=1e-7)
 
 
+@pytest.mark.parametrize("d", [ASIDE, EIGHT_CABLES], ids=["four", "eight"])
+def test_readings_follow_the_radius_along_the_ways_from_the_pulleys(d):
+    """Up to terms of what the lengths miss; along ways from the anchors up to 0.06 are missing."""
+    robot, x = CableRobot(d, TOLERANCES), workspace(d, 50, np.random.default_rng(0))
+    chain = Chain(robot, np.zeros(3), 1e-3, (PulleyRadius(ROBOT, robot),))
+    theta, own, step = np.zeros(chain.layout.size), chain.layout.effects, 1e-5
+    theta[chain.layout.geometry], theta[own] = robot.parameters.nominal, 0.03
+    at = at_rest(robot.inverse(x, robot.parameters.nominal))
+    more, less = theta.copy(), theta.copy()
+    more[own], less[own] = 0.03 + step, 0.03 - step
+    slope = (chain.predict(at, more) - chain.predict(at, less)) / (2 * step)
+    written = chain.jacobian(at, theta)[:, :, own][:, :, 0]
+    assert np.abs(written - slope).max() < 0.035 * np.abs(slope).max()
+
+
 def test_pulleys_that_cables_come_to_from_above_are_told():
     seed = 8804
     trial, _ = scaled(Task("single", seed, (("pulley_radius", 400.0),), robot="cdpr8"))

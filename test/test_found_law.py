@@ -20,9 +20,9 @@ from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis import judge as judgement
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.fitted import _vertex
-from delta_calibration.diagnosis.law_grammar import Grammar
+from delta_calibration.diagnosis.law_grammar import Grammar, signals_of
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
-from delta_calibration.diagnosis.law_search import likely_laws, signals_of
+from delta_calibration.diagnosis.law_search import likely_laws
 from delta_calibration.diagnosis.verdict import FoundEquation
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.catalogue import effect_named
@@ -102,6 +102,28 @@ def test_a_law_in_another_shape_is_what_all_together_are(start, number: int) -> 
         np.testing.assert_allclose(found.value, expected.value, rtol=1e-6)
         largest = np.abs(expected.information).max()
         np.testing.assert_allclose(found.information, expected.information, atol=1e-9 * largest)
+
+
+def test_a_law_that_leaves_much_more_than_noise_is_none(start) -> None:
+    """It may be likely and foretell what it explains: it is not what happened."""
+    evidence, rng = start.evidence, np.random.default_rng(8)
+    wave = FoundLaw(
+        ROBOT,
+        MECHANISM,
+        targets=(Target("joint_2", "dq_2", ((1, 1.0),), "rad", 1),),
+        function="wave",
+        scale=3.0,
+    )
+    size = np.array([1.2e-4, 6e-5]) / wave.parameters.prior
+    signal = (evidence.columns(wave) @ size).reshape(evidence.residual.shape)
+    noise = rng.standard_normal(signal.shape) * evidence.believed[:, None]
+    for scatter, found in ((1.0, True), (1.8, False)):
+        residual = signal + scatter * noise
+        laws = likely_laws(
+            replace(evidence, residual=residual), ROBOT, catalogue(ROBOT, MECHANISM)[0], rng
+        )
+        assert bool(laws) == found
+        assert all(law.guess.parts[0].targets[0].part == "joint_2" for law in laws)
 
 
 def test_a_line_of_a_joint_that_works_far_from_zero_counts_from_its_middle() -> None:

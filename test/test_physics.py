@@ -215,6 +215,7 @@ def test_friction_that_winds_up_a_drive_is_no_play():
     assert {f.cause for f in verdict.findings} == {"stick_slip", "joint_compliance"}
     assert not verdict.unknown_structure.found
     for finding in verdict.findings:
+        assert finding.equivalents == ()
         true = {"joint_compliance": 1 / SPRING, "stick_slip": 3.0 / SPRING}[finding.cause]
         for each in list(finding.parameters.values())[:3]:
             assert abs(each.value - true) < 4 * each.std

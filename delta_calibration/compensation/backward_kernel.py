@@ -48,7 +48,6 @@ from delta_calibration.model.kernels import (
     M,
     R,
     X,
-    add_by_drives,
     add_by_joints,
     along,
     closing,
@@ -334,7 +333,6 @@ def _slope(machine: MachineRecord, room: Place) -> None:
     """Write d(place)/dq of the mechanism at its pose into `by_q`."""
     state = room.state
     place(machine.body.limbs, state.joint, room.x, BESIDE, state.room)
-    add_by_drives(machine.body.limbs, state.room)
     moved(machine.body.limbs, room.slope, state.room, room.by_q, room.by_g)
 
 
@@ -412,7 +410,6 @@ def _aimed(machine: MachineRecord, target: Array, room: Place) -> bool:
     limbs, state = machine.body.limbs, room.state
     own, swing = state.room, 0.0
     place(limbs, state.joint, room.x, BESIDE, own)
-    add_by_drives(limbs, own)
     place_of(machine, room.x, room)
     if not factored(limbs, own):
         return False

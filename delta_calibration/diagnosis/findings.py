@@ -254,7 +254,9 @@ def of_term(
         sector,
         separated_by(evidence, term, stand.equivalents),
     )
-    alone = held.mm(held.terms((term,), held.sectors))
+    # what shows in motion only is to change nothing at rest, see `_shipped`
+    moving = finding.in_motion and not held.foretells((), (term,))
+    alone = held.mm(held.terms(() if moving else (term,), held.sectors))
     action = action_of(term, alone)
     return replace(finding, shape=shape_of(term, of_shape), action=action)
 

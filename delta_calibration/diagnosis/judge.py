@@ -43,16 +43,12 @@ from delta_calibration.diagnosis.findings import (
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.identifiability import unseen, with_payload
+from delta_calibration.diagnosis.law_grammar import COORDINATES, Grammar
 from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
 from delta_calibration.diagnosis.law_words import fitted_with, told
 from delta_calibration.diagnosis.model_selection import worth_it
-from delta_calibration.diagnosis.name_checks import (
-    in_the_shadow,
-    really,
-    signal_of,
-    untrusted,
-    with_alike,
-)
+from delta_calibration.diagnosis.name_checks import in_the_shadow, signal_of, untrusted
+from delta_calibration.diagnosis.other_names import renamed, told_again, with_same_signal
 from delta_calibration.diagnosis.residual_tests import ResidualTests, audit
 from delta_calibration.diagnosis.scan import Scan, scanned
 from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
@@ -144,7 +140,7 @@ def judged(
         found, held, said = replace(found, model=plain), HeldOutModels(plain), names
         left = _audited(plain, rng)
         unknown = _unknown(found, plain, left, aside, doubtful)
-    said = with_alike(_in_part(said, found), found.model)
+    said = with_same_signal(_in_part(said, found))
     findings = [f for m, f in said.items() if not m.unexplained]
     laws: tuple[Likely, ...] = ()
     if unknown.found:
@@ -245,15 +241,16 @@ def _less_than_a_law(
     is sure enough to be reported; then a map may take their place.
     """
     found, held, said = confirmed
-    if not found.model.placed:
+    whole = found.model.evidence
+    if not said or not found.model.placed or whole.axes != COORDINATES:
         return confirmed
-    most = dict.fromkeys(said, 0.0)
+    most, grammar = dict.fromkeys(said, 0.0), Grammar.of(whole, effects[0].robot)
     for named in _perhaps_one(tuple(said)):
         others = tuple(m for m in found.model.terms if m not in named)
-        without = beside(found.model.evidence, others)  # about the fit with them: it favours them
+        without = beside(whole, others)  # about the fit with them: it favours them
         # the law may also make up for errors of the models of the others
         spare = IMPERFECT / 2 * sum(said[m].signal for m in others if m in said)
-        doubt = doubts_of_names(without, named, effects[0].robot, spare)
+        doubt = doubts_of_names(without, named, grammar, spare)
         most |= {m: max(most[m], doubt) for m in named}
         left = min(_doubted(said[m], doubt).confidence for m in named)
         if doubt >= LIKELIER or left < LEAST_SURE:
@@ -269,11 +266,15 @@ def _less_than_a_law(
 def _renamed(confirmed: Confirmed, start: Fitted, rng: np.random.Generator) -> Confirmed:
     """Give causes that are impossible beside the others the name that they must have."""
     found, _, said = confirmed
-    terms = really(found.model)
-    if terms == found.model.terms:
+    evidence = found.model.evidence
+    terms = renamed(said, evidence.at.take(np.arange(evidence.poses)))
+    if terms == tuple(said):
         return confirmed
-    other = _holding(replace(found, model=found.model.fitted(terms)), start, rng)
-    return other if len(other[2]) == len(said) else confirmed
+    found, held, new = _holding(replace(found, model=found.model.fitted(terms)), start, rng)
+    if len(new) < len(said):
+        return confirmed
+    each = zip(new, said.values(), new.values(), strict=True)
+    return found, held, {term: told_again(old, now) for term, old, now in each}
 
 
 def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:

@@ -34,6 +34,7 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
+COORDINATES = 3  # of a reading that says where a reflector is; laws move places
 _ORDERS = (1.0, 2.0, 4.0)  # periods of a wave in one turn of the joint
 _SEARCHED_ORDERS = tuple(np.arange(3.0, 13.0, 1.0).tolist())  # and between those
 _FINE_ORDERS = tuple(np.arange(13.0, 241.0, 2.0).tolist())  # of the joint's own gears
@@ -46,7 +47,6 @@ _WAVES = (4.0, 6.0, 8.0, 10.0)  # [rad/m] over the workspace
 _EXACT = 0.02  # largest relative error of a displacement reproduced by dimensions
 _SMALL = 1e-3  # share of the largest weight below which a dimension is left out
 _FARTHEST = 50.0  # tolerances; a dimension that needs more to show carries no law
-_COORDINATES = 3
 _MOVED = 1e-9  # least change of a quantity, in its unit
 _SLIGHTLY = 1e-6  # the same at one joint, as a share of the change at all joints
 
@@ -67,6 +67,11 @@ class Function:
     searched: tuple[tuple[str, float, float], ...] = ()
 
 
+def signals_of(evidence: LinearizedModel, robot: Robot) -> Signals:
+    """Signals of the machine in its pose at each sample, with all its loads."""
+    return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
+
+
 @dataclass(frozen=True)
 class Grammar:
     """Generator of the laws that the data of a session can test."""
@@ -74,6 +79,16 @@ class Grammar:
     robot: Robot
     evidence: LinearizedModel
     signals: Signals  # of the machine in its pose at each sample
+
+    @classmethod
+    def of(cls, evidence: LinearizedModel, robot: Robot) -> Grammar:
+        """The grammar of a session; the terms beside which its laws are tried do not matter."""
+        return cls(robot, evidence, signals_of(evidence, robot))
+
+    @cached_property
+    def every(self) -> tuple[FoundLaw, ...]:
+        """All candidate laws, see `laws`."""
+        return tuple(self.laws())
 
     def laws(self) -> Iterator[FoundLaw]:
         """All candidate laws: each for all its targets together, and for each target alone."""
@@ -385,7 +400,7 @@ class Grammar:
         """Whether the first three numbers of a pose are the platform's position."""
         pose = self.evidence.pose
         place = self.evidence.chain.mechanism.position(pose)
-        return pose.shape[1] >= _COORDINATES and bool(np.array_equal(place, pose[:, :3]))
+        return pose.shape[1] >= COORDINATES and bool(np.array_equal(place, pose[:, :3]))
 
     @property
     def _joints(self) -> int:

@@ -7,7 +7,8 @@ structure and with no explanation at all, by their Bayes factor and prior,
     ln p = ln B + ln (prior of its family) - ln (shapes of the family) (targets with one each)
 
 A law is reported if it is probable, if it predicts each held-out part of the data from the others,
-and if a smooth map adds nothing to it; else the structure stays unknown.
+if it leaves little more than noise, and if a smooth map adds nothing to it; else the structure
+stays unknown.
 """
 
 from __future__ import annotations
@@ -46,13 +47,12 @@ from delta_calibration.diagnosis.cross_validation import (
     sectors,
     stretches,
 )
-from delta_calibration.diagnosis.law_grammar import Grammar
+from delta_calibration.diagnosis.law_grammar import COORDINATES, Grammar
 from delta_calibration.diagnosis.law_screen import Case, Reshaped, Screen
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.scores import PRECISION, Weighed, log_bayes, most_likely
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.found_law import FoundLaw
-from delta_calibration.effects.signals import Signals
 from delta_calibration.robot import Robot
 from delta_calibration.threads import mapped
 
@@ -65,7 +65,6 @@ _ODD = {  # quantities that a stage hardly depends on, as far as known
     Stage.MEASUREMENT: (),
     Stage.DRIVE: (),
 }
-_COORDINATES = 3  # of a reading that says where a reflector is
 _DRAWS = 16
 
 
@@ -107,11 +106,11 @@ def likely_laws(
         effect: any effect on it, from which the maps take robot and mechanism.
         rng: of the simulated noise.
     """
-    if evidence.axes != _COORDINATES:
+    if evidence.axes != COORDINATES:
         return ()
-    signals = signals_of(evidence, robot)
-    screen = Screen(evidence, signals)
-    guesses = _finer(screen, list(Grammar(robot, evidence, signals).laws()))
+    grammar = Grammar.of(evidence, robot)
+    screen = Screen(evidence, grammar.signals)
+    guesses = _finer(screen, grammar.every)
     if not guesses or guesses[0].case.log_bayes < LAW_SHOWS:
         return ()
     nameless = _best_map(evidence, effect, rng)
@@ -129,7 +128,7 @@ def likely_laws(
 
 
 def doubts_of_names(
-    evidence: LinearizedModel, named: Sequence[Candidate], robot: Robot, spare: float = 0.0
+    evidence: LinearizedModel, named: Sequence[Candidate], grammar: Grammar, spare: float = 0.0
 ) -> float:
     """Probability that a single law, and not the named causes, produced the readings.
 
@@ -142,16 +141,12 @@ def doubts_of_names(
     Args:
         evidence: the residuals without the causes.
         named: the causes.
-        robot: the machine.
+        grammar: of the session, the same for all sets of causes.
         spare: ln B that a law may owe to errors of other causes, which are in the evidence.
     """
-    if evidence.axes != _COORDINATES:
+    if not grammar.every:
         return 0.0
-    signals = signals_of(evidence, robot)
-    laws = list(Grammar(robot, evidence, signals).laws())
-    if not laws:
-        return 0.0
-    guesses = _finer(Screen(evidence, signals), laws)
+    guesses = _finer(Screen(evidence, grammar.signals), grammar.every)
     alone = [worth(evidence, [term]) for term in named]
     strongest = named[int(np.argmax(alone))].effect
     least = worth(evidence, named)
@@ -172,11 +167,6 @@ def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:
     spans = zip(named, pairwise(ends), strict=True)
     sized = [slice(*span) for term, span in spans if term.sized]
     return log_bayes(information, along, value, sized)
-
-
-def signals_of(evidence: LinearizedModel, robot: Robot) -> Signals:
-    """Signals of the machine in its pose at each sample, with all its loads."""
-    return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
 
 
 def _finer(screen: Screen, laws: Sequence[FoundLaw]) -> list[Guess]:
@@ -320,10 +310,10 @@ def _holds(
     effect: Effect,
     rng: np.random.Generator,
 ) -> bool:
-    """Whether the law predicts held-out parts of the data and leaves noise only.
+    """Whether the law predicts held-out parts of the data and explains nearly all of the error.
 
-    What is left must be little, and no map may add to the law: a law that is only nearly right
-    would be stated as surely as the right one.
+    A law that is only nearly right would be stated as surely as the right one: it would leave
+    much, or a map would add to it.
     """
     columns = Plain(np.hstack([evidence.columns(p) for p in guess.with_sizes()]))
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
@@ -333,12 +323,11 @@ def _holds(
     if not shares or min(shares) < LAW_FORETOLD:
         return False
     beside = evidence.beside(columns, np.full(columns.width, PRECISION))
-    left = _excess(beside)
-    if beside.misfit > LACKING and left > (1 - LAW_EXPLAINS) * _excess(evidence):
+    if _excess(beside) > (1 - LAW_EXPLAINS) * _excess(evidence):
         return False
     return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
 
 
 def _excess(evidence: LinearizedModel) -> float:
-    """Chi square beyond that of noise."""
-    return (evidence.misfit - 1) * evidence.degrees
+    """Chi square beyond that of noise, which may be somewhat larger than stated."""
+    return (evidence.misfit - LACKING) * evidence.degrees

@@ -9,7 +9,8 @@ import numpy as np
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.findings import spread_of
 from delta_calibration.diagnosis.fitted import Fitted, beside
-from delta_calibration.diagnosis.law_search import Guess, Likely, signals_of
+from delta_calibration.diagnosis.law_grammar import signals_of
+from delta_calibration.diagnosis.law_search import Guess, Likely
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.verdict import Estimate, FoundEquation
 from delta_calibration.effects import found_law as kinds

@@ -2,64 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
-from itertools import combinations
-
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate, moved_by, products_of
 from delta_calibration.diagnosis.constants import CLEAR, REMAINS, SHADOWED
-from delta_calibration.diagnosis.findings import items_of
 from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.rivals import reached
-from delta_calibration.diagnosis.verdict import Finding
-
-
-def really(model: Fitted) -> tuple[Candidate, ...]:
-    """The terms of a model, those that are impossible beside another under their true names."""
-    at = model.evidence.at.take(np.arange(model.evidence.poses))
-    effects = [term for term in model.terms if term.effect is not None]
-    values = dict(zip(effects, model.effect_values, strict=True))
-
-    def named(term: Candidate) -> Candidate:
-        for other in effects:
-            if term.effect is None or other.effect is None or other is term:
-                continue
-            instead = term.effect.really(values[term], other.effect, values[other], at)
-            if instead is not None:
-                return Candidate(instead.cause, instead.kind, term.location, instead, term.rows)
-        return term
-
-    every = tuple(named(term) for term in model.terms)
-    alike = any(one.same_cause(other) for one, other in combinations(every, 2))
-    return model.terms if alike else every
-
-
-def with_alike(said: Mapping[Candidate, Finding], model: Fitted) -> dict[Candidate, Finding]:
-    """The findings, with causes as equivalents that do the same beside another one found.
-
-    Only where both act on the same joint, and the other does so in this machine.
-    """
-
-    def places(term: Candidate) -> set[str | None]:
-        sure = model.values(term) != 0.0
-        return {p.location for p, is_so in zip(items_of(model, term), sure, strict=True) if is_so}
-
-    def told(term: Candidate, finding: Finding) -> Finding:
-        for other in said:
-            if term.effect is None or other.effect is None or not places(term) & places(other):
-                continue
-            alike = term.effect.alike_beside(other.effect)
-            if alike is None or any(alike[0] in (f.cause, *f.equivalents) for f in said.values()):
-                continue
-            cause, following = alike
-            equivalents = (*finding.equivalents, cause)
-            following = finding.separated_by or following
-            return replace(finding, equivalents=equivalents, separated_by=following)
-        return finding
-
-    return {term: told(term, finding) for term, finding in said.items()}
 
 
 def untrusted(model: Fitted) -> tuple[Candidate, ...]:

@@ -144,18 +144,14 @@ class Backlash(Effect):
         """Load [N m, N] below which its sign is only rounding error, as about upright axes."""
         return _ROUNDING * FREE_FALL * float(np.sum(self.mechanism.weights(self.robot.masses)))
 
-    def alike_beside(self, other: Effect) -> tuple[str, str] | None:
+    def same_signal_beside(self, other: Effect) -> tuple[str, str] | None:
         """Friction that winds up a drive which yields, if it hardly changes with speed.
 
         It leaves the arm behind from either side as friction in a gap does, unless loads decide.
         """
-        if self.held_by or not other.yields:
-            return None
-        return StickSlip.cause, StickSlip.outside
+        return None if self.held_by or not other.yields else (StickSlip.cause, _PUSHED)
 
-    def really(
-        self, values: Array, other: Effect, of_other: Array, at: Conditions
-    ) -> Effect | None:
+    def must_be(self, most: Array, other: Effect, least: Array, at: Conditions) -> Effect | None:
         """Friction that winds up the drives, if the gaps are less than what it winds them up by.
 
         To keep an arm on both flanks of a gap, friction must exceed the loads of nearly all poses.
@@ -164,9 +160,8 @@ class Backlash(Effect):
         if self.held_by or not isinstance(other, DriveCompliance) or not self._heavy:
             return None
         load = np.quantile(np.abs(self._load(at)), _NEARLY_ALL, axis=0)
-        some = values > 0
-        wound = 2 * load[some] * of_other[some]
-        if not some.any() or not (wound > values[some]).all():
+        some = most > 0
+        if not some.any() or not (2 * load * least > most)[some].all():
             return None
         return StickSlip(self.robot, self.mechanism, level=1.0)
 
@@ -228,3 +223,7 @@ _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below 
 _LOWEST = 1e-6  # lower end of an interval of friction, as a share of its middle
 _ROUNDING = 1e-6  # of the torque of the robot's weight at a lever of a metre
 _NEARLY_ALL = 0.95  # share of the poses whose loads friction must exceed
+_PUSHED = (
+    "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
+    "against a drive that yields it springs back"
+)

@@ -87,7 +87,7 @@ class Effect(ABC):
     of_joints: ClassVar[tuple[str, ...]] = ()
     # measurement that separates it from its rivals if no motion of this cell alone can do so
     outside: ClassVar[str] = ""
-    yields: ClassVar[bool] = False  # whether it is that a drive yields to its torque
+    yields: ClassVar[bool] = False  # whether it is the give of drives under their loads
     called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words
     part: ClassVar[str] = ""  # part of the machine whose temperature drives it
     repeats: ClassVar[bool] = False  # whether a machine may have it more than once (`apart`)
@@ -394,7 +394,7 @@ class Effect(ABC):
         del at
         return None
 
-    def alike_beside(self, other: Effect) -> tuple[str, str] | None:
+    def same_signal_beside(self, other: Effect) -> tuple[str, str] | None:
         """Cause that has the same signal as this one in a machine that has the other one as well.
 
         Returns:
@@ -403,21 +403,19 @@ class Effect(ABC):
         del other
         return None
 
-    def really(
-        self, values: Array, other: Effect, of_other: Array, at: Conditions
-    ) -> Effect | None:
+    def must_be(self, most: Array, other: Effect, least: Array, at: Conditions) -> Effect | None:
         """Effect of the same signal that this one must be in a machine that has the other one.
 
         Args:
-            values: of this effect, (k,).
+            most: upper bound of each of this effect's values, 0 where it may not act, (k,).
             other: the other effect.
-            of_other: its values.
+            least: lower bound of each of its values, 0 where it may not act.
             at: conditions of the poses at rest.
 
         Returns:
             The effect, with the same parameters for each joint; None if this one is possible.
         """
-        del values, other, of_other, at
+        del most, other, least, at
         return None
 
     def begins_with_payload(self, at: Conditions) -> bool:

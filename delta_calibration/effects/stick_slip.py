@@ -49,10 +49,6 @@ class StickSlip(Effect):
         "clean and grease the guide or bearing, or replace it",
         "move the joint through its range at the lowest speed and watch the torque of the drive",
     )
-    outside: ClassVar[str] = (
-        "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
-        "against a drive that yields it springs back"
-    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
@@ -98,6 +94,11 @@ class StickSlip(Effect):
         both = 0 < np.count_nonzero(moved) < len(moved)
         for speed, level, r in product(_SPEEDS, _LEVELS, _STOPPED if both else (1.0,)):
             yield replace(self, speed=speed * self.mechanism.joint_size, level=level, stopped=r)
+
+    @property
+    def chosen(self) -> dict[str, str]:
+        """That friction does not change with speed, if so."""
+        return {"friction": "the same at all speeds"} if self.level >= 1.0 else {}
 
     @property
     def rarity(self) -> float:

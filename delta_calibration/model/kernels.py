@@ -75,8 +75,7 @@ class Room(NamedTuple):
     step: Array  # of the unknowns, or a weight for each output
     way: Array  # (m,) joints of a stage on the way
     past: Array  # (k,) pose of the stage before, on the way
-    # (2,) last stage evaluated, or 0; 1 if `factor` is of f_x there, -1 if f_x has more, else 0
-    stage: Array
+    stage: Array  # (2,) last stage evaluated, or 0; 1 if `factor` is of the same place, else 0
 
 
 Q, X, G, C, F, F_X, F_Q, F_G, FROM, TO = range(10)
@@ -287,9 +286,9 @@ def _gather(limbs: Limbs, every: Array, f: Array, by_x: Array) -> None:
 def add_by_drives(limbs: Limbs, room: Room) -> None:
     """Add to f_x, after `place`, what the effects of the drives change as the pose does.
 
-    The pose is where the closures' squares are least, so that if they outnumber the coordinates it
-    depends on the whole derivative: a cable pulls along its way from the pulley, not from the
-    anchor. Where the closures vanish, no part of it is needed.
+    The pose is where the closures' squares are least: if they outnumber the coordinates it depends
+    on the whole derivative. A cable pulls along its way from the pulley, not from the anchor.
+    Where the closures vanish, no part of it is needed.
     """
     r, k = limbs.sizes[R], limbs.sizes[K]
     if r == k:
@@ -297,7 +296,6 @@ def add_by_drives(limbs: Limbs, room: Room) -> None:
     for row in range(r):
         for i in range(k):
             room.by_x[row, i] += room.by_drives[row, i]
-    room.stage[1] = -1.0
 
 
 @compiled(borrows=True)
@@ -385,7 +383,7 @@ def factored(limbs: Limbs, room: Room) -> bool:
     else:
         squares(room.by_x, room.factor)
         good = _halved(room.factor, k)
-    room.stage[1] = 1.0 if good and room.stage[1] == 0.0 else 0.0
+    room.stage[1] = 1.0 if good else 0.0
     return good
 
 

@@ -139,8 +139,9 @@ class State(NamedTuple):
     structure: Array
     base: Array
     joint: Array  # (m,) behind the drives
-    moved: Array  # (m,) the same a little aside
-    followed: Array  # (k,) pose of the closures' derivative by the drives, NaN if there is none
+    aside: Array  # (m,) the same a little aside of the pose
+    derived_at: Array  # (k,) pose of `Room.by_drives`; NaN: none yet
+    leads: Array  # (1,) 1 if `Room.by_drives` is not zero, else 0
     kept: Kept
     geometry: Array  # (p,) dimensions under the sample's conditions
     shaped: Array  # (p,) dimensions that it is to have
@@ -167,6 +168,7 @@ def state_of(body: Body, stages: Stages) -> State:
         np.zeros(limbs.sizes[M]),
         np.zeros(limbs.sizes[M]),
         np.full(limbs.sizes[K], np.nan),
+        np.zeros(1),
         Kept(np.zeros((len(limbs.joints), body.size)), np.zeros(len(own))),
         np.zeros(limbs.sizes[P]),
         np.zeros(limbs.sizes[P]),
@@ -373,8 +375,9 @@ def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: 
     if len(stages.structure.law):
         back_to(body, g, state)
     fill(state.room.by_drives, 0.0)
-    for i in range(len(state.followed)):
-        state.followed[i] = np.nan
+    state.leads[0] = 0.0
+    for i in range(len(state.derived_at)):
+        state.derived_at[i] = np.nan
     copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
 
 
@@ -386,14 +389,14 @@ def take_effects(
     copy_into(state.before, x)
     add_signals(body, stages, signals, x, state)
     shift(body, stages, signals, g, values, state)
-    if body.limbs.sizes[R] == body.limbs.sizes[K] or apart(x, state.followed) <= SAME_POSE:
+    if body.limbs.sizes[R] == body.limbs.sizes[K] or apart(x, state.derived_at) <= SAME_POSE:
         return
     if takes(stages.drive, stages.at[POSE], len(x)):
-        follow_drives(body, stages, signals, values, x, state)
+        derive_drives(body, stages, signals, values, x, state)
 
 
 @compiled(borrows=True)
-def follow_drives(
+def derive_drives(
     body: Body, stages: Stages, signals: Array, values: Array, x: Array, state: State
 ) -> None:
     """Compute the closures' derivative by the pose through the effects of the drives.
@@ -402,23 +405,25 @@ def follow_drives(
     kept until the pose x (k,) is another: its rounding would keep rounds from settling. The
     workspaces of the effects are left at the pose.
     """
-    limbs, own, moved = body.limbs, state.room, state.moved
-    copy_into(state.followed, x)
+    limbs, own, aside = body.limbs, state.room, state.aside
+    copy_into(state.derived_at, x)
     place(limbs, state.joint, x, BESIDE, own)
     spread_joints(limbs, own)
-    first = stages.at[POSE]
+    first, state.leads[0] = stages.at[POSE], 0.0
     for i in range(len(x)):
         signals[first + i] = x[i] + ASIDE
-        copy_into(moved, signals[stages.at[JOINT] : stages.at[JOINT] + len(moved)])
-        add_shift(stages.drive, signals, values, state.drive, moved)
+        copy_into(aside, signals[stages.at[JOINT] : stages.at[JOINT] + len(aside)])
+        add_shift(stages.drive, signals, values, state.drive, aside)
         signals[first + i] = x[i]
         for row in range(len(own.by_drives)):
-            own.by_drives[row, i] = 0.0
-            for j in range(len(moved)):
-                change = (moved[j] - state.joint[j]) / ASIDE
-                own.by_drives[row, i] += own.by_q[row, j] * change
-    copy_into(moved, state.joint)
-    add_shift(stages.drive, signals, values, state.drive, moved)
+            total = 0.0
+            for j in range(len(aside)):
+                total += own.by_q[row, j] * (aside[j] - state.joint[j]) / ASIDE
+            own.by_drives[row, i] = total
+            if total != 0.0:
+                state.leads[0] = 1.0
+    copy_into(aside, state.joint)
+    add_shift(stages.drive, signals, values, state.drive, aside)
 
 
 @compiled(borrows=True)
@@ -437,7 +442,7 @@ def next_round(
     By one step where the closures' derivative includes the effects: more would not be closer.
     """
     take_effects(body, stages, signals, g, values, x, state)
-    if state.followed[0] != state.followed[0]:  # NaN
+    if state.leads[0] == 0.0:
         good = assemble(body.limbs, state.joint, x, stray, state.room)
         state.swing[0] = apart(x, state.before)
         return good
@@ -494,7 +499,7 @@ def stand(
         _take_readings(body, stages, signals, g, state)
     elif not begin_at(body, stages, signals, g, stray, x, state):
         return False
-    before = 0.0
+    before = swing = 0.0
     for number in range(ROUNDS):
         state.rounds[0] = number + 1
         if not next_round(body, stages, signals, g, values, stray, x, state):
@@ -504,4 +509,8 @@ def stand(
         if swing <= SETTLED_POSE or share * swing <= LEFT:
             break
         before = swing
-    return True
+    if state.leads[0] == 0.0 or swing <= SAME_POSE:
+        return True
+    for i in range(len(x)):
+        x[i] = np.nan
+    return False

@@ -8,7 +8,8 @@ d, b being shift and rotation [m, rad] of the base by the effects of its support
 of the measurement. Derivatives by all of theta follow from the closure (the
 implicit function theorem) at the machine as it stands under the sample's conditions, and from the
 derivatives of the effects' laws. Loads count as constant in the derivatives: they change by only a
-thousandth as the pose does.
+thousandth as the pose does. Where closures outnumber the coordinates of the pose, terms
+proportional to what the closures miss are left out.
 """
 
 from __future__ import annotations

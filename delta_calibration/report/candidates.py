@@ -20,7 +20,7 @@ from delta_calibration.report.drawing import (
     Panel,
     Rule,
 )
-from delta_calibration.wording import NO_VALUE, chance, figures, spoken, sure
+from delta_calibration.wording import NO_VALUE, chance, figures, listed, spoken, sure
 
 _SHOWN = 20
 _LEAST = 1.0  # smallest length of a bar
@@ -157,5 +157,5 @@ def _row(score: Score, scan: Scan, verdict: Verdict) -> tuple[str, ...]:
         figures(score.log_bayes, 4),
         chance(p_value),
         figures(score.tries, 3),
-        " and ".join(found) or NO_VALUE,
+        listed(found) or NO_VALUE,
     )

@@ -121,14 +121,14 @@ def _shaped(cause: str, robot: Robot, chain: Chain, options: Options) -> Effect:
     own = {key: usual for key, usual in plain.settings.items() if not isinstance(usual, tuple)}
     require_one_of(cause, options, plain.one_of)
     given = {key: _setting(plain, key, own[key], options) for key in own if key in options}
-    effect = effect_named(cause, robot, chain.mechanism, {**_usual_beside(plain, given), **given})
+    effect = effect_named(cause, robot, chain.mechanism, {**_usual_unless(plain, given), **given})
     places = [LOCATION] if any(p.location for p in effect.parameters) else []
     require_known(cause, options, (*places, VALUE, STRENGTH, *own))
     return effect
 
 
-def _usual_beside(plain: Effect, given: Collection[str]) -> dict[str, Setting]:
-    """Return the usual settings, without one to which a given setting is the alternative."""
+def _usual_unless(plain: Effect, given: Collection[str]) -> dict[str, Setting]:
+    """Usual settings, except those that exclude a given one (`one_of`)."""
     either = plain.one_of if any(key in plain.one_of for key in given) else ()
     return {k: v for k, v in plain.usual(PARTS).items() if k not in either}
 
