@@ -48,7 +48,7 @@ from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, like
 from delta_calibration.diagnosis.law_words import fitted_with, told
 from delta_calibration.diagnosis.model_selection import worth_it
 from delta_calibration.diagnosis.name_checks import in_the_shadow, signal_of, untrusted
-from delta_calibration.diagnosis.other_names import renamed, told_again, with_same_signal
+from delta_calibration.diagnosis.other_names import with_same_signal
 from delta_calibration.diagnosis.residual_tests import ResidualTests, audit
 from delta_calibration.diagnosis.scan import Scan, scanned
 from delta_calibration.diagnosis.scores import Chance, decrease, most_likely
@@ -128,7 +128,6 @@ def judged(
         if said:  # a map that does not predict held-out data still shows remaining structure
             found = replace(found, last=scanned(found.model, effects, rng))
     found, held, said = _less_than_a_law((found, held, said), start, effects, rng)
-    found, held, said = _renamed((found, held, said), start, rng)
     step(STEPS[3])
     aside = Aside.of(found.model, rng)
     left = _audited(found.model, rng)
@@ -140,7 +139,7 @@ def judged(
         found, held, said = replace(found, model=plain), HeldOutModels(plain), names
         left = _audited(plain, rng)
         unknown = _unknown(found, plain, left, aside, doubtful)
-    said = with_same_signal(_in_part(said, found))
+    said = with_same_signal(_in_part(said, found), found.model.evidence)
     findings = [f for m, f in said.items() if not m.unexplained]
     laws: tuple[Likely, ...] = ()
     if unknown.found:
@@ -261,20 +260,6 @@ def _less_than_a_law(
             fewer = _holding(replace(found, model=mapped, last=last), start, rng)
             return _less_than_a_law(fewer, start, effects, rng)
     return found, held, {m: _doubted(f, most[m]) for m, f in said.items()}
-
-
-def _renamed(confirmed: Confirmed, start: Fitted, rng: np.random.Generator) -> Confirmed:
-    """Give causes that are impossible beside the others the name that they must have."""
-    found, _, said = confirmed
-    evidence = found.model.evidence
-    terms = renamed(said, evidence.at.take(np.arange(evidence.poses)))
-    if terms == tuple(said):
-        return confirmed
-    found, held, new = _holding(replace(found, model=found.model.fitted(terms)), start, rng)
-    if len(new) < len(said):
-        return confirmed
-    each = zip(new, said.values(), new.values(), strict=True)
-    return found, held, {term: told_again(old, now) for term, old, now in each}
 
 
 def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:

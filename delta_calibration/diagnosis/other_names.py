@@ -1,8 +1,8 @@
-"""Causes that must or may have another name beside the others that were found.
+"""Causes that may have another name beside the others that were found.
 
 Two effects may have the same signal only in a machine that has a third one as well: friction
-leaves a joint behind as play does if its drive yields. Then the effect itself says what else it
-may be, or must be (`Effect.same_signal_beside`, `Effect.must_be`).
+leaves a joint behind as play does if its drive yields. Then the effect itself says so
+(`Effect.same_signal_beside`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from delta_calibration.data import Conditions
 from delta_calibration.diagnosis.candidates import Candidate
+from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.verdict import Finding
 
 Array = NDArray[np.float64]
@@ -24,67 +25,32 @@ Said = Mapping[Candidate, Finding]
 _SURE = 2.0  # standard deviations
 
 
-def renamed(said: Said, at: Conditions) -> tuple[Candidate, ...]:
-    """The causes found; one that is impossible beside another has the name that it must have.
-
-    Args:
-        said: the finding of each.
-        at: conditions of the poses at rest.
-    """
-    effects = [term for term in said if term.effect is not None]
-
-    def name(term: Candidate) -> Candidate:
-        for other in effects:
-            if term.effect is None or other.effect is None or other is term:
-                continue
-            most, _ = _bounds(term, said[term])
-            _, least = _bounds(other, said[other])
-            instead = term.effect.must_be(most, other.effect, least, at)
-            if instead is not None:
-                return replace(term, cause=instead.cause, kind=instead.kind, effect=instead)
-        return term
-
-    every = tuple(name(term) for term in said)
-    causes = [term.cause for term in every]
-    new = [term.cause for term, old in zip(every, said, strict=True) if term is not old]
-    return tuple(said) if any(causes.count(cause) > 1 for cause in new) else every
-
-
-def told_again(old: Finding, new: Finding) -> Finding:
-    """The finding of a cause after a fit with others renamed, or this one.
-
-    It is no surer than before. The former name is impossible, and no equivalent.
-    """
-    sure = min(old.confidence, new.confidence)
-    if new.cause == old.cause:
-        return replace(new, confidence=sure)
-    others = tuple(cause for cause in new.equivalents if cause != old.cause)
-    apart = new.separated_by if others else None
-    return replace(new, confidence=sure, equivalents=others, separated_by=apart)
-
-
-def with_same_signal(said: Said) -> dict[Candidate, Finding]:
+def with_same_signal(said: Said, evidence: LinearizedModel) -> dict[Candidate, Finding]:
     """The findings, with those causes as equivalents that do the same beside another one found.
 
     Only at joints where the other one surely acts, and if the equivalent is not found there too.
     """
-
-    def told(term: Candidate, finding: Finding) -> Finding:
-        for other in said:
-            if term.effect is None or other.effect is None:
-                continue
-            same = term.effect.same_signal_beside(other.effect)
-            if same is None or not _places(term, finding) & _places(other, said[other]):
-                continue
-            cause, apart = same
-            found = (_places(m, f) for m, f in said.items() if m.cause == cause)
-            if any(_places(term, finding) & places for places in found):
-                continue
+    at, told = evidence.at.take(np.arange(evidence.poses)), dict(said)
+    for term, finding in said.items():
+        for cause, apart in filter(None, (_alike(said, term, other, at) for other in said)):
             equivalents = tuple(dict.fromkeys((*finding.equivalents, cause)))
-            return replace(finding, equivalents=equivalents, separated_by=apart)
-        return finding
+            told[term] = replace(finding, equivalents=equivalents, separated_by=apart)
+    return told
 
-    return {term: told(term, finding) for term, finding in said.items()}
+
+def _alike(
+    said: Said, term: Candidate, other: Candidate, at: Conditions
+) -> tuple[str, str] | None:
+    """Cause with the signal of a term beside another one, and what separates it from the term."""
+    own = _places(said, term)
+    if term.effect is None or other.effect is None or not own & _places(said, other):
+        return None
+    (most, _), (_, least) = _bounds(term, said[term]), _bounds(other, said[other])
+    alike = term.effect.same_signal_beside(most, other.effect, least, at)
+    if alike is None:
+        return None
+    there = (_places(said, m) for m in said if m.cause == alike[0])
+    return None if any(own & places for places in there) else alike
 
 
 def _bounds(term: Candidate, finding: Finding) -> tuple[Array, Array]:
@@ -98,9 +64,9 @@ def _bounds(term: Candidate, finding: Finding) -> tuple[Array, Array]:
     return most, least
 
 
-def _places(term: Candidate, finding: Finding) -> set[str | None]:
-    """Joints at which a cause surely acts."""
+def _places(said: Said, term: Candidate) -> set[str | None]:
+    """Joints at which a cause surely acts; none if it is a dimension."""
     if term.effect is None:
         return set()
-    most, _ = _bounds(term, finding)
+    most, _ = _bounds(term, said[term])
     return {p.location for p, value in zip(term.effect.parameters, most, strict=True) if value}

@@ -144,26 +144,28 @@ class Backlash(Effect):
         """Load [N m, N] below which its sign is only rounding error, as about upright axes."""
         return _ROUNDING * FREE_FALL * float(np.sum(self.mechanism.weights(self.robot.masses)))
 
-    def same_signal_beside(self, other: Effect) -> tuple[str, str] | None:
+    def same_signal_beside(
+        self, most: Array, other: Effect, least: Array, at: Conditions
+    ) -> tuple[str, str] | None:
         """Friction that winds up a drive which yields, if it hardly changes with speed.
 
         It leaves the arm behind from either side as friction in a gap does, unless loads decide.
         """
-        return None if self.held_by or not other.yields else (StickSlip.cause, _PUSHED)
+        if self.held_by or not other.yields:
+            return None
+        friction = self._too_small(most, other, least, at)
+        return StickSlip.cause, f"{_LIKELIER}; {_PUSHED}" if friction else _PUSHED
 
-    def must_be(self, most: Array, other: Effect, least: Array, at: Conditions) -> Effect | None:
-        """Friction that winds up the drives, if the gaps are less than what it winds them up by.
+    def _too_small(self, most: Array, other: Effect, least: Array, at: Conditions) -> bool:
+        """Whether the gaps are less than what the friction in them would wind up the drives by.
 
         To keep an arm on both flanks of a gap, friction must exceed the loads of nearly all poses.
         From either side it winds up a drive of compliance c by c times as much.
         """
-        if self.held_by or not isinstance(other, DriveCompliance) or not self._heavy:
-            return None
+        if not isinstance(other, DriveCompliance) or not self._heavy:
+            return False
         load = np.quantile(np.abs(self._load(at)), _NEARLY_ALL, axis=0)
-        some = most > 0
-        if not some.any() or not (2 * load * least > most)[some].all():
-            return None
-        return StickSlip(self.robot, self.mechanism, level=1.0)
+        return bool((2 * load * least > most)[most > 0].all() and most.any())
 
     def disguised(self, at: Conditions) -> tuple[str, str, str, str] | None:
         """Backlash that a session cannot show because weight decides on which side the gap is.
@@ -223,6 +225,10 @@ _SHARES = np.linspace(0.0, 0.96, 25)  # of the torques of weight that are below 
 _LOWEST = 1e-6  # lower end of an interval of friction, as a share of its middle
 _ROUNDING = 1e-6  # of the torque of the robot's weight at a lever of a metre
 _NEARLY_ALL = 0.95  # share of the poses whose loads friction must exceed
+_LIKELIER = (
+    "friction is likelier: to keep the arms on both flanks of gaps under their weight it would "
+    "wind up the drives by more than these gaps"
+)
 _PUSHED = (
     "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
     "against a drive that yields it springs back"

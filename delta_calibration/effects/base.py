@@ -394,17 +394,10 @@ class Effect(ABC):
         del at
         return None
 
-    def same_signal_beside(self, other: Effect) -> tuple[str, str] | None:
+    def same_signal_beside(
+        self, most: Array, other: Effect, least: Array, at: Conditions
+    ) -> tuple[str, str] | None:
         """Cause that has the same signal as this one in a machine that has the other one as well.
-
-        Returns:
-            Its name, and the measurement that separates both; None if there is no such cause.
-        """
-        del other
-        return None
-
-    def must_be(self, most: Array, other: Effect, least: Array, at: Conditions) -> Effect | None:
-        """Effect of the same signal that this one must be in a machine that has the other one.
 
         Args:
             most: upper bound of each of this effect's values, 0 where it may not act, (k,).
@@ -413,7 +406,7 @@ class Effect(ABC):
             at: conditions of the poses at rest.
 
         Returns:
-            The effect, with the same parameters for each joint; None if this one is possible.
+            Its name, and in words what separates both; None if there is no such cause.
         """
         del most, other, least, at
         return None

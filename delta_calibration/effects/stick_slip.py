@@ -9,6 +9,9 @@ twists a drive of finite stiffness.
 Friction does not follow the speed at once but over some travel, the pre-sliding of that model. A
 joint that stops within it keeps the twist of its motion (r = 0); one that creeps to its stop has
 the whole twist of static friction (r = 1).
+
+Friction that does not change with speed (c = 1) leaves the joint behind as backlash does, see
+`Backlash.same_signal_beside`.
 """
 
 from __future__ import annotations
@@ -96,11 +99,6 @@ class StickSlip(Effect):
             yield replace(self, speed=speed * self.mechanism.joint_size, level=level, stopped=r)
 
     @property
-    def chosen(self) -> dict[str, str]:
-        """That friction does not change with speed, if so."""
-        return {"friction": "the same at all speeds"} if self.level >= 1.0 else {}
-
-    @property
     def rarity(self) -> float:
         """Static friction that is hardly larger than Coulomb friction is rarely found.
 
@@ -109,12 +107,7 @@ class StickSlip(Effect):
         return float(np.exp(max(0.0, self.level - _USUAL) ** 2 / (2 * _RARE**2)))
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Searched fields, each between its neighbours in the search; up to `_MOST` the level.
-
-        None if friction does not change with speed.
-        """
-        if self.level >= 1.0:
-            return ()
+        """Searched fields, each between its neighbours in the search; up to `_MOST` the level."""
         most = min(self.level + _NEXT, max(self.level, _MOST))
         stopped = ("stopped", 0.0, _NEARLY_ALL)
         return (
