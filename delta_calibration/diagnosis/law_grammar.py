@@ -68,7 +68,7 @@ class Function:
 
 
 def signals_of(evidence: LinearizedModel, robot: Robot) -> Signals:
-    """Signals of the machine in its pose at each sample, with all its loads."""
+    """What laws may depend on at each sample: joints, rates, times, temperatures and all loads."""
     return evidence.chain.signals(evidence.at, evidence.theta, evidence.pose, robot)
 
 

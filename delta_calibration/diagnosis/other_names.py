@@ -41,7 +41,7 @@ def with_same_signal(said: Said, evidence: LinearizedModel) -> dict[Candidate, F
 def _alike(
     said: Said, term: Candidate, other: Candidate, at: Conditions
 ) -> tuple[str, str] | None:
-    """Cause with the signal of a term beside another one, and what separates it from the term."""
+    """Name of the cause that a term looks like beside another one, and what separates the two."""
     own = _places(said, term)
     if term.effect is None or other.effect is None or not own & _places(said, other):
         return None

@@ -4,7 +4,8 @@ For one sample, with D the sum of the effects of the drives and S that of the st
 
     f(q + D(c, x, loads), x, g + S(c, x, loads)) = 0
 
-or, if closures outnumber the coordinates of the pose, where their squares are least.
+or, if closures outnumber the coordinates of the pose, where their squares are least: as if all
+cables were springs of one stiffness, pulled along the ways on which their lengths are measured.
 Loads, and other inputs of an effect from the machine, are those at the pose itself. The pose is
 therefore found in rounds (fixed-point iteration), each with the effects at the pose of the round
 before. Effects move it by hundredths of what the joints do, so that a few rounds settle it. If
@@ -399,7 +400,7 @@ def take_effects(
 def derive_drives(
     body: Body, stages: Stages, signals: Array, values: Array, x: Array, state: State
 ) -> None:
-    """Compute the closures' derivative by the pose through the effects of the drives.
+    """Compute how the closures change with the pose because the effects of the drives do.
 
     From differences of the effects at constant loads, which hardly change with the pose. It is
     kept until the pose x (k,) is another: its rounding would keep rounds from settling. The
