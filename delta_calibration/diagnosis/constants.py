@@ -72,8 +72,8 @@ LAW_BESIDE = 0.1  # largest ln B of a map beside a law, as a share of the law's 
 # share by which a law's ln B must exceed that of the strongest cause to doubt it, if that is named
 # alone or acts on the same stage
 MODELLED = 0.03
-# least share that a law must explain of the chi square above `LACKING`; eight right laws (tests,
-# and causes taken out of the study, seed 191) explained 0.95 or more of what exceeds the noise
+# least share that a law must explain of the chi square above `LACKING`; the six right laws of
+# test_found_law.py explained 0.949 or more of what exceeds the noise
 LAW_EXPLAINS = 0.9
 LAW_SHOWS = 10.0  # ln B below which the search for a law ends
 QUIETER = 0.8  # share of the previous noise from which a lower noise is worth another search
