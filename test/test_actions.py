@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import pytest
 
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.diagnosis.diagnose import calibrated
-from delta_calibration.diagnosis.findings import HeldOutModels
+from delta_calibration.diagnosis.findings import HeldOutModels, error_left
 from delta_calibration.documents import check_document, load_schema
 from delta_calibration.effects import EFFECTS, effect_named
 from delta_calibration.effects.remedy import ADJUST, COMPENSATE, MEASURE, REPAIR
@@ -82,3 +84,18 @@ def test_every_effect_says_what_to_do(effect):
     for words in (effect.remedy.part, effect.remedy.how, effect.remedy.confirm):
         assert words == words.strip() != ""
         assert not words.endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("in_motion", "with_it", "left"),
+    [(False, 0.3, 0.3), (True, 0.3, 0.2), (True, 0.1, 0.1)],
+)
+def test_what_shows_in_motion_only_is_not_corrected_at_rest_to_its_harm(in_motion, with_it, left):
+    """A pose is 0.2 mm off without the cause's correction."""
+    held = SimpleNamespace(
+        sectors=(),
+        terms=lambda terms, sectors: with_it if terms else 0.2,
+        foretells=lambda fewer, terms: with_it <= 0.2,
+        mm=lambda error: error,
+    )
+    assert error_left(held, SimpleNamespace(), in_motion) == left

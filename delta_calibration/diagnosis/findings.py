@@ -254,11 +254,18 @@ def of_term(
         sector,
         separated_by(evidence, term, stand.equivalents),
     )
-    # what shows in motion only is to change nothing at rest, see `_shipped`
-    moving = finding.in_motion and not held.foretells((), (term,))
-    alone = held.mm(held.terms(() if moving else (term,), held.sectors))
-    action = action_of(term, alone)
+    action = action_of(term, error_left(held, term, finding.in_motion))
     return replace(finding, shape=shape_of(term, of_shape), action=action)
+
+
+def error_left(held: HeldOutModels, term: Candidate, in_motion: bool) -> float:
+    """Held-out error at rest [mm] once a cause alone is corrected.
+
+    A cause that shows in motion only changes nothing at rest: its correction is not used there if
+    it predicts the poses worse.
+    """
+    unused = in_motion and not held.foretells((), (term,))
+    return held.mm(held.terms(() if unused else (term,), held.sectors))
 
 
 def spread_of(evidence: LinearizedModel, model: Fitted, term: Candidate) -> tuple[Array, Array]:
