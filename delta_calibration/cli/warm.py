@@ -31,18 +31,22 @@ _FIRST = "srbd"  # the robot with the fewest laws
 def command() -> None:
     """Compile all laws and the loops over samples, and keep them for every later process.
 
-    In two processes: the loops of compensation, which take most of the time, in another one.
+    The laws in a process of their own: nothing but the loops' calls depends on them.
     """
     began = monotonic()
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
-        compensated = pool.submit(_compensate, _FIRST)
+        laws = pool.submit(_prepare)
         _fit(_FIRST)
-        count = prepare(every_law())
-        compensated.result()
+        _compensate(_FIRST)
+        count = laws.result()
     for name in known_robots():
         _fit(name)
         _compensate(name)
     click.echo(f"compiled: {count} laws and the loops over samples ({monotonic() - began:.0f} s)")
+
+
+def _prepare() -> int:
+    return prepare(every_law())
 
 
 def _fit(name: str) -> None:

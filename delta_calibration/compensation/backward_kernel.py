@@ -196,7 +196,7 @@ def place_of(machine: MachineRecord, x: Array, room: Place) -> None:
                 room.slope[row, j] = point[slope + axis * k + j] - room.slope[axis, j]
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def stands(machine: MachineRecord, q: Array, signals: Array, room: Place) -> bool:
     """Solve pose and tool place at a command under a sample's signals; False if there is none.
 
@@ -253,7 +253,7 @@ def distance(room: Place, target: Array) -> float:
     return float(np.sqrt(square))
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place) -> float:
     """Distance from the target at a command [m]; infinite if the machine has no pose there."""
     if not stands(machine, q, signals, room):
@@ -262,7 +262,7 @@ def reached(machine: MachineRecord, q: Array, signals: Array, target: Array, roo
     return far if far < np.inf else np.inf
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def verified(
     machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
 ) -> float:
@@ -287,7 +287,7 @@ def verified(
     return reached(machine, q, signals, target, room)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def found_anew(
     machine: MachineRecord, q: Array, signals: Array, target: Array, room: Place
 ) -> float:
@@ -357,7 +357,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
     return good
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def newton(
     machine: MachineRecord,
     search: Search,
@@ -464,7 +464,7 @@ def _share(now: float, before: float, square: bool) -> float:
     return share * share if square else share
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def taking_turns(
     machine: MachineRecord,
     search: Search,
@@ -596,7 +596,7 @@ def _started(machine: MachineRecord, q: Array, signals: Array, room: Place) -> b
     return True
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def by_pose(
     machine: MachineRecord, q: Array, signals: Array, target: Array, best: Array, room: Place
 ) -> tuple[float, int]:
@@ -695,7 +695,7 @@ def corrections(
     return dq, error, count
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def correct(
     machine: MachineRecord,
     search: Search,

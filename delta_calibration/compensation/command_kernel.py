@@ -277,7 +277,7 @@ def _borne(
     return True
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def judged(
     drawn: MachineRecord,
     guards: Guards,
@@ -325,7 +325,7 @@ def judged(
     return PASSED
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def finished(
     machine: MachineRecord,
     guards: Guards,
@@ -375,7 +375,7 @@ def finished(
     return PASSED
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def commanded(
     drawn: MachineRecord,
     machine: MachineRecord,

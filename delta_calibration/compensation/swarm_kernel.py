@@ -65,7 +65,7 @@ def _set_machine(nearby: Opening, machine: MachineRecord, particles: int, work: 
     work[nearby.at[4] - 1] = particles
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _set_command(
     machine: MachineRecord,
     nearby: Opening,
@@ -104,7 +104,7 @@ def _set_command(
     return True
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _squares(
     machine: MachineRecord,
     q: Array,
@@ -214,7 +214,7 @@ class Swarm(NamedTuple):
     there: Array  # (j,) a command
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _swarm(
     machine: MachineRecord,
     law: int,

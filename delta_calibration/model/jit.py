@@ -16,7 +16,6 @@ import numba
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils, datamodel
-from numba.core.caching import FunctionCache
 from numba.core.extending import lower_getattr_generic
 from numba.core.imputils import impl_ret_borrowed
 from numba.core.registry import CPUDispatcher
@@ -25,6 +24,7 @@ from numba.extending import intrinsic
 
 from delta_calibration.lazy import cached_property
 from delta_calibration.model import lowering
+from delta_calibration.model.linking import SharedCache, share
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Kind = TypeVar("_Kind")
@@ -41,6 +41,7 @@ def compiled(
     contract: bool = False,
     borrows: bool = False,
     alone: bool = False,
+    shared: bool = False,
 ) -> Callable[[_Function], _Function]:
     """Compile a function, at once if it has a signature, and cache the result for later processes.
 
@@ -58,6 +59,9 @@ def compiled(
 
     A function that is given scratch arrays which outlive the call is `alone`: it holds Python's
     global lock, so that no other thread runs beside it.
+
+    A large function that many others call is `shared`: it is compiled once, not again as a part
+    of each of these; see `linking.py`.
     """
     njit: Any = numba.njit  # typed in some of numba's versions, in others not
     options: dict[str, Any] = {**(_CONTRACTED if contract else _STRICT)}
@@ -68,7 +72,10 @@ def compiled(
         taken = {__name__, *_taken_from(sys.modules[function.__module__])}
         digest = _digest("".join(map(_sources, sorted(taken))))
         function.__qualname__ = f"{function.__qualname__}_{digest}"
-        return cast(_Function, _kept(njit, function, signature, nogil=not alone, **options))
+        made = _kept(njit, function, signature, nogil=not alone, **options)
+        if shared:
+            share(made)
+        return cast(_Function, made)
 
     return decorate
 
@@ -130,7 +137,7 @@ def _taken_from(module: ModuleType) -> tuple[str, ...]:
     return tuple(sorted(others - {__name__, module.__name__}))
 
 
-class _Kept(FunctionCache):  # type: ignore[misc,unused-ignore]
+class _Kept(SharedCache):  # type: ignore[misc,unused-ignore]
     """Cache of machine code for later processes that ignores what another version made.
 
     numba checks the version only after loading an entry, and cannot load an entry that names a

@@ -213,7 +213,7 @@ def own_joint(limbs: Limbs, joint: int, reading: float) -> float:
     return float(limbs.sense[joint] * (reading - limbs.zero[joint]))
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def place(limbs: Limbs, q: Array, x: Array, stage: int, room: Room) -> None:
     """Evaluate the closures at joints q (m,) and pose x (k,), at stage `NEAR` or `FULL`.
 
@@ -574,7 +574,7 @@ def closed(limbs: Limbs, room: Room, share: float, stray: float) -> bool:
     return True
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def assemble(limbs: Limbs, q: Array, x: Array, stray: float, room: Room) -> bool:
     """Solve the pose x (k,) at joints q (m,), starting at x; NaN and False if there is none.
 
@@ -633,7 +633,7 @@ def lead(limbs: Limbs, q: Array, x: Array, way: float, room: Room) -> bool:
     return False
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def follow(
     limbs: Limbs, home: Array, q: Array, x: Array, stages: int, stray: float, room: Room
 ) -> bool:
@@ -683,7 +683,7 @@ def back(limbs: Limbs, by_pose: Array, room: Room) -> bool:
     return solve(system, k, count)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def moved(limbs: Limbs, by_pose: Array, room: Room, by_q: Array, by_g: Array) -> None:
     """Derivatives by joints (c, m) and dimensions (c, p) of quantities with `by_pose` (c, k).
 

@@ -313,7 +313,7 @@ def _pose_for(limbs: Limbs, joints: Array, turn: Array, room: Room, found: Array
         found[i] = -room.step[i]
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _curved(
     limbs: Limbs,
     bearing: Bearing,
@@ -459,7 +459,7 @@ def _pulls_at_home(limbs: Limbs, bearing: Bearing, room: Room, found: Carried) -
     found.known[0] = 1.0
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def bear(
     limbs: Limbs,
     bearing: Bearing,

@@ -239,7 +239,7 @@ def open_near(body: Body, q: Array, x: Array, state: State) -> None:
         x[i] = own[opening.at[3] + i]
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     """Solve the forward kinematics x at joints q from its start: opening law, or home."""
     if len(body.opening.law):
@@ -249,7 +249,7 @@ def opened(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     return follow(body.limbs, body.home, q, x, body.stages, stray, state.room)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def opens_on(body: Body, q: Array, x: Array, stray: float, state: State) -> bool:
     """Close a nearby pose x (k,) at joints q; True if it is in the assembly mode of home.
 
@@ -344,7 +344,7 @@ def shift_dimensions(
         reshape(body, state.shaped, state)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def begin_at(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
@@ -353,7 +353,7 @@ def begin_at(
     return opened(body, state.joint, x, stray, state)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def begin_near_by(
     body: Body, stages: Stages, signals: Array, g: Array, stray: float, x: Array, state: State
 ) -> bool:
@@ -382,7 +382,7 @@ def _take_readings(body: Body, stages: Stages, signals: Array, g: Array, state: 
     copy_into(state.joint, signals[stages.at[JOINT] : stages.at[JOINT] + len(state.joint)])
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def take_effects(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
 ) -> None:
@@ -396,7 +396,7 @@ def take_effects(
         derive_drives(body, stages, signals, values, x, state)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def derive_drives(
     body: Body, stages: Stages, signals: Array, values: Array, x: Array, state: State
 ) -> None:
@@ -427,7 +427,7 @@ def derive_drives(
     add_shift(stages.drive, signals, values, state.drive, aside)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def next_round(
     body: Body,
     stages: Stages,
@@ -455,7 +455,7 @@ def next_round(
     return False
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def step_on(
     body: Body, stages: Stages, signals: Array, g: Array, values: Array, x: Array, state: State
 ) -> bool:
@@ -465,7 +465,7 @@ def step_on(
     return bool(state.swing[0] < np.inf)
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def stand(
     body: Body,
     stages: Stages,

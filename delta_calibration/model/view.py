@@ -174,7 +174,7 @@ def _by_device(body: Body, device: Device, turned: Array, state: State, jacobian
             jacobian[i, origin + c] = 1.0 if i == c else 0.0
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _derive(
     body: Body,
     stages: Stages,
@@ -209,7 +209,7 @@ def _is_moving(signals: Array, rates: int, m: int) -> bool:
     return moving
 
 
-@compiled(borrows=True)
+@compiled(borrows=True, shared=True)
 def _see_around(
     body: Body,
     stages: Stages,

@@ -76,24 +76,30 @@ def full(w):
     t73 = min(t51, 1.0)
     t74 = t73 if t72 != 0.0 else 0.0
     t75 = t70 + t74
-    t76 = t2 * t75
-    t78 = 1.0 if 0.0 < i9 else 0.0
-    t81 = i2 - i10
-    t82 = t81 if t78 != 0.0 else 0.0
-    t83 = 0.0 if t78 != 0.0 else 1.0
-    t84 = 1.0 if t83 != 0.0 else 0.0
-    t85 = t82 + t84
-    t86 = t76 * t85
-    t88 = t75 * i11
-    t89 = t85 * t88
-    w[12] = t86
-    w[13] = t89
+    t77 = 1.0 if i6 == 13.0 else 0.0
+    t78 = t16 if t77 != 0.0 else 0.0
+    t79 = t75 + t78
+    t81 = 1.0 if i6 == 14.0 else 0.0
+    t82 = 1.0 if t81 != 0.0 else 0.0
+    t83 = t79 + t82
+    t84 = t2 * t83
+    t86 = 1.0 if 0.0 < i9 else 0.0
+    t89 = i2 - i10
+    t90 = t89 if t86 != 0.0 else 0.0
+    t91 = 0.0 if t86 != 0.0 else 1.0
+    t92 = 1.0 if t91 != 0.0 else 0.0
+    t93 = t90 + t92
+    t94 = t84 * t93
+    t96 = t83 * i11
+    t97 = t93 * t96
+    w[12] = t94
+    w[13] = t97
 
 
 ADDRESSES = {
     "setup": idle(),
     "shared": idle(),
     "near": idle(),
-    "full": law(full, "ab589098b8d98fbf"),
+    "full": law(full, "ae34174f52a20db6"),
 }
 ADDRESSES["near"] = ADDRESSES["full"]
