@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from delta_calibration.diagnosis.by_law import Confirmed, by_law, names_of, without_maps
 from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
 from delta_calibration.diagnosis.constants import (
     ALPHA,
@@ -44,8 +45,7 @@ from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.identifiability import unseen, with_payload
 from delta_calibration.diagnosis.law_grammar import COORDINATES, Grammar
-from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likely_laws
-from delta_calibration.diagnosis.law_words import fitted_with, told
+from delta_calibration.diagnosis.law_search import Likely, doubts_of_names
 from delta_calibration.diagnosis.model_selection import worth_it
 from delta_calibration.diagnosis.name_checks import in_the_shadow, signal_of, untrusted
 from delta_calibration.diagnosis.other_names import with_same_signal
@@ -64,7 +64,6 @@ from delta_calibration.diagnosis.statement import (
 )
 from delta_calibration.diagnosis.verdict import (
     Finding,
-    FoundEquation,
     UnknownStructure,
     Verdict,
 )
@@ -74,10 +73,6 @@ from delta_calibration.errors import DataError
 Array = NDArray[np.float64]
 
 STEPS = ("geometry", "causes", "held-out data", "what is left")
-
-
-# the search, held-out errors of its model, and the finding of each of its terms
-Confirmed = tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]
 
 
 @dataclass(frozen=True)
@@ -135,7 +130,7 @@ def judged(
     doubtful = not names or any(_in_doubt(f, found.last) for f in names.values())
     unknown = _unknown(found, sought.model, left, aside, doubtful)
     if not unknown.found and len(names) < len(said):  # a map that is not stated is not used
-        plain = _plain(found.model).rested() if names else start
+        plain = without_maps(found.model).rested() if names else start
         found, held, said = replace(found, model=plain), HeldOutModels(plain), names
         left = _audited(plain, rng)
         unknown = _unknown(found, plain, left, aside, doubtful)
@@ -143,11 +138,10 @@ def judged(
     findings = [f for m, f in said.items() if not m.unexplained]
     laws: tuple[Likely, ...] = ()
     if unknown.found:
-        laws, equations = _laws(found.model, effects[0], rng)
-        unknown = replace(unknown, laws=equations)
-    if laws:
-        found, held = _by_law(found, held, laws[0])
-        said = {m: f for m, f in said.items() if _among(found.model.terms, m)}
+        lost = tuple(m for m in names_of(sought.model) if not _among(found.model.terms, m))
+        by = by_law((found, held, said), lost, effects[0], rng)
+        laws, (found, held, said) = by.laws, by.confirmed
+        unknown = replace(unknown, laws=by.equations)
         findings = [f for m, f in said.items() if not m.unexplained]
     found, after, refused = _shipped(found, held, said, start)
     terms = found.model.terms
@@ -277,31 +271,6 @@ def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:
 
 def _doubted(finding: Finding, doubt: float) -> Finding:
     return replace(finding, confidence=finding.confidence * (1 - doubt))
-
-
-def _by_law(
-    found: SearchResult, held: HeldOutModels, law: Likely
-) -> tuple[SearchResult, HeldOutModels]:
-    """Replace maps by a law, if it predicts held-out data at least as well.
-
-    Causes for which the law leaves nothing are removed.
-    """
-    model = fitted_with(_plain(found.model), law.guess).rested()
-    working = tuple(term for term in model.terms if model.scaled(term).any())
-    if working != model.terms:
-        model = model.fitted(working).rested()
-    other = HeldOutModels(model)
-    now, then = (
-        each.mm(each.terms(of.terms, each.sectors))
-        for each, of in ((held, found.model), (other, model))
-    )
-    return (found, held) if then > now else (replace(found, model=model), other)
-
-
-def _plain(model: Fitted) -> Fitted:
-    """A model without maps."""
-    named = tuple(term for term in model.terms if not term.unexplained)
-    return model if named == model.terms else model.fitted(named)
 
 
 def _shipped(
@@ -509,15 +478,6 @@ def _unknown(
     told = None if where is None else _around(where)
     large = MM * size or None  # errors alike among neighbours may not exceed the noise
     return UnknownStructure(True, told, moves_with(worst), large, tests)
-
-
-def _laws(
-    model: Fitted, any_effect: Effect, rng: np.random.Generator
-) -> tuple[tuple[Likely, ...], tuple[FoundEquation, ...]]:
-    """Laws of the residuals of a model without its maps, and their equations."""
-    plain = _plain(model)
-    laws = likely_laws(plain.beside, any_effect.robot, any_effect, rng) if plain.placed else ()
-    return laws, told(laws, plain)
 
 
 def _chance_of_map(model: Fitted, term: Candidate, asked: int) -> float:

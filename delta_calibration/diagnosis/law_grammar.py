@@ -53,7 +53,7 @@ _SLIGHTLY = 1e-6  # the same at one joint, as a share of the change at all joint
 _OF_POWERS = ("line", "quadratic", "cubic")
 
 PLATFORM, BASE, TRACKER = "platform", "base", "tracker"
-_AXES = ("x", "y", "z")
+AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ class Grammar:
 
     def _readings(self) -> Iterator[FoundLaw]:
         """Laws of drift of the tracker's readings."""
-        targets = [Target(TRACKER, f"d{a}_tracker", ((i, 1.0),), "m") for i, a in enumerate(_AXES)]
+        targets = [Target(TRACKER, f"d{a}_tracker", ((i, 1.0),), "m") for i, a in enumerate(AXES)]
         for of in (*self._known("time"), *self._temperatures):
             for function in (Function("line"), *(self._settling if of.name == "time" else ())):
                 yield from self._each(Stage.MEASUREMENT, targets, of, function, None)
@@ -204,9 +204,12 @@ class Grammar:
             waves = (*self._orders(_SEARCHED_ORDERS), *self._harmonics)
             for f in (Function("line"), *self._powers, *waves):
                 yield other, f, None
-            for f in self._begins(other):
+            for f in (*self._begins(other), *self._soft(other)):
                 yield other, f, None
             yield angle, Function("line"), other
+            yield angle, Function("bilinear"), other
+            for further in range(k + 1, self._joints):
+                yield other, Function("bilinear"), Quantity("q", further)
             for by in self._known("payload"):
                 for f in (Function("line"), *self._harmonics):
                     yield other, f, by
@@ -264,7 +267,7 @@ class Grammar:
         yield from ((of, f, by) for of, f, by in self._of_conditions() if of.name != "time")
         if not self._pose_is_place:
             return
-        for axis in _AXES:
+        for axis in AXES:
             place = Quantity(axis)
             for f in (Function("quadratic"), Function("cubic"), *self._waves(place)):
                 yield place, f, None
@@ -276,7 +279,7 @@ class Grammar:
         yield from ((of, f, by) for of, f, by in self._of_conditions() if of.name != "time")
         if not self._pose_is_place:
             return
-        for axis in _AXES:
+        for axis in AXES:
             for by in (None, *self._known("payload")):
                 yield Quantity(axis), Function("line"), by
         low, high = self._range(Quantity("x"))
@@ -384,8 +387,8 @@ class Grammar:
         at = self.signals.places
         if quantity.name == TEMPERATURE:
             return self.evidence.at.of_part(quantity.part)
-        if quantity.name in _AXES:
-            return self.signals.of("pose")[:, _AXES.index(quantity.name)]
+        if quantity.name in AXES:
+            return self.signals.of("pose")[:, AXES.index(quantity.name)]
         if quantity.of_joints and quantity.ahead == 0 and quantity.name != TORQUE:
             return self.signals.of(quantity.signals[0]).ravel()
         if quantity.of_joints:
@@ -422,7 +425,7 @@ class Grammar:
         """Shifts of the platform along each axis of the base, made by changes of dimensions."""
         turn = self._frame.rotation
         ways = [np.tile(turn[:, i], (len(self._still), 1)) for i in range(3)]
-        return self._carried(ways, [f"d{a}" for a in _AXES], "m", PLATFORM)
+        return self._carried(ways, [f"d{a}" for a in AXES], "m", PLATFORM)
 
     @cached_property
     def _turns(self) -> list[Target]:
@@ -430,7 +433,7 @@ class Grammar:
         frame, seen = self._frame, self.evidence.seen.reading[self._still]
         place = (seen - frame.translation) @ frame.rotation
         ways = [np.cross(axis, place) @ frame.rotation.T for axis in np.eye(3)]
-        return self._carried(ways, [f"dturn_{a}" for a in _AXES], "rad", BASE)
+        return self._carried(ways, [f"dturn_{a}" for a in AXES], "rad", BASE)
 
     @property
     def _frame(self) -> Frame:

@@ -28,6 +28,7 @@ from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import (
     COMPARED_LAWS,
     COMPLETE,
+    FORETOLD,
     LACKING,
     LAW_ALIKE,
     LAW_BESIDE,
@@ -41,6 +42,7 @@ from delta_calibration.diagnosis.constants import (
     USUAL,
 )
 from delta_calibration.diagnosis.cross_validation import (
+    Foretold,
     foretold,
     learnable,
     scattered,
@@ -319,13 +321,22 @@ def _holds(
     free = np.full(columns.width, -np.inf), np.full(columns.width, np.inf)
     every = (sectors(evidence), stretches(evidence), scattered(evidence))
     parts = [part for part in every if learnable(evidence, columns, part).all()]
-    shares = [foretold(evidence, columns, free, part).share for part in parts]
+    shares = [_share(foretold(evidence, columns, free, part)) for part in parts]
     if not shares or min(shares) < LAW_FORETOLD:
         return False
     beside = evidence.beside(columns, np.full(columns.width, PRECISION))
     if _excess(beside) > (1 - LAW_EXPLAINS) * _excess(evidence):
         return False
     return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
+
+
+def _share(part: Foretold) -> float:
+    """Share of what a law explains that it predicts.
+
+    Dimensions beside it may take up much of what few parts show of it, and show less of it; then
+    it counts whether the parts agree on its values.
+    """
+    return max(part.share, part.of_parts) if part.share >= FORETOLD else part.share
 
 
 def _excess(evidence: LinearizedModel) -> float:

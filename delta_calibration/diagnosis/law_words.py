@@ -9,7 +9,7 @@ import numpy as np
 from delta_calibration.diagnosis.candidates import Candidate
 from delta_calibration.diagnosis.findings import spread_of
 from delta_calibration.diagnosis.fitted import Fitted, beside
-from delta_calibration.diagnosis.law_grammar import signals_of
+from delta_calibration.diagnosis.law_grammar import AXES, PLATFORM, signals_of
 from delta_calibration.diagnosis.law_search import Guess, Likely
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.verdict import Estimate, FoundEquation
@@ -38,6 +38,9 @@ _APART = {  # measurement that separates two laws of which one depends on the qu
     TORQUE: "repeat poses with further payloads",
     FORCE: "repeat poses with further payloads",
 }
+# a shift of the platform that depends on its position is also an error of the readings there
+_OF_READINGS = "the readings of the tracker are off by as much"
+_ANOTHER_STATION = "measure the same places with the tracker somewhere else"
 
 
 def told(likely: Sequence[Likely], model: Fitted) -> tuple[FoundEquation, ...]:
@@ -55,6 +58,7 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
     terms = found.terms[len(model.terms) :]
     other = _other(law)
     separated_by = None if other is None else _separated_by(law.guess, other, model.beside)
+    of_place = _moves_platform(law.guess.parts[0])
     for at, part in enumerate(
         dict.fromkeys(target.part for m in terms for target in _law(m).targets)
     ):
@@ -72,10 +76,15 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
             equation="; ".join(equations),
             values=values,
             probability=law.probability,
-            rival=None if other is None else _words(other, at),
-            separated_by=separated_by,
+            rival=_OF_READINGS if of_place else None if other is None else _words(other, at),
+            separated_by=_ANOTHER_STATION if of_place else separated_by,
             region={name: _range(model.beside, at) for name, at in names.items()},
         )
+
+
+def _moves_platform(law: FoundLaw) -> bool:
+    """Whether a law shifts the platform by its position alone, as errors of a tracker do."""
+    return law.targets[0].part == PLATFORM and law.of.name in AXES and law.by is None
 
 
 def fitted_with(model: Fitted, guess: Guess) -> Fitted:
@@ -110,7 +119,7 @@ def equation(law: FoundLaw, target: Target, apart: bool = False) -> str:
     u = argument(law, target, own if apart else "")
     second = f"*{_less(_named(law.by, law, target), law.by.middle)}" if law.by else ""
     terms = [
-        _times(f"{_VALUES[i]}{own}", _FUNCTIONS[kind](u)) + second
+        _times(f"{_VALUES[i]}{own}", _FUNCTIONS[kind](u)) + ("" if kind == kinds.ALONE else second)
         for i, kind in enumerate(law.kinds)
     ]
     return f"{target.moved} = {' + '.join(terms)}"
@@ -126,14 +135,16 @@ def argument(law: FoundLaw, target: Target, own: str) -> str:
     if "middle" in searched:
         u = f"({u} - c{own})"
     elif law.middle:
-        u = f"({u} - {law.middle:.4g})"
+        u = _less(u, float(f"{law.middle:.4g}"))
     if "scale" in searched:
         return f"k{own}*{u}"
     return u if law.scale == 1.0 else f"{law.scale:.6g}*{u}"
 
 
 def _less(name: str, middle: float) -> str:
-    return f"({name} - {middle:g})" if middle else name
+    if not middle:
+        return name
+    return f"({name} {'-' if middle > 0 else '+'} {abs(middle):g})"
 
 
 def _times(value: str, function: str) -> str:
@@ -157,6 +168,8 @@ _FUNCTIONS: Mapping[int, Callable[[str], str]] = {
     kinds.DRAG: lambda u: f"({u})*abs({u})",
     kinds.FADING: lambda u: f"exp(-{_ahead(u)})",
     kinds.RAMP: lambda u: f"min(1, {_ahead(u)})",
+    kinds.ALONE: lambda u: u,
+    kinds.OTHER: lambda u: "1",
 }
 
 

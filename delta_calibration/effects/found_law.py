@@ -36,6 +36,7 @@ ACROSS = "across"  # position along a bearing in the xy plane, from the two numb
 FORCE, TORQUE, TEMPERATURE = "force", "torque", "temperature"
 
 LINE, SQUARE, CUBE, SINE, COSINE, SIDE, SOFT, BEYOND, SETTLED, DRAG, FADING, RAMP = range(1, 13)
+ALONE, OTHER = 13, 14  # of two quantities: the first without the second, and the second alone
 # each function of u; `words` is the module of its operations, symbols or numpy
 _FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
     LINE: lambda u, words: u,
@@ -50,6 +51,8 @@ _FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
     DRAG: lambda u, words: u * words.absolute(u),
     FADING: lambda u, words: words.exp(-words.maximum(u, 0.0)),
     RAMP: lambda u, words: words.minimum(words.maximum(u, 0.0), 1.0),
+    ALONE: lambda u, words: u,
+    OTHER: lambda u, words: 1 + 0 * u,
 }
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
 # functions that a law may use, each with its terms; every term has a value
@@ -67,6 +70,7 @@ FUNCTIONS: Mapping[str, tuple[int, ...]] = {
     "drag": (DRAG,),
     "fading": (FADING,),
     "ramp": (RAMP,),
+    "bilinear": (LINE, ALONE, OTHER),  # a product of two quantities about any values of both
 }
 KINDS = {
     Stage.DRIVE: "drive",
@@ -75,7 +79,7 @@ KINDS = {
     Stage.MEASUREMENT: "measurement",
 }
 _QUANTITY = re.compile(r"(?P<name>[a-z]+)(?:\+(?P<ahead>\d{1,3}))?(?::(?P<part>\w+))?")
-POWERS = {LINE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # powers of the unit of u
+POWERS = {LINE: 1, ALONE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # powers of the unit of u
 
 _OF_JOINTS: Mapping[str, tuple[str, ...]] = {
     "q": (signals.JOINT,),
@@ -308,7 +312,7 @@ class FoundLaw(Effect):
     def value_unit(self, target: Target, kind: int) -> str:
         """Unit of a value: unit of the moved quantity over those of the law's quantities."""
         below = [(self.unit_of_quantity(self.of), POWERS.get(kind, 0))]
-        if self.by is not None:
+        if self.by is not None and kind != ALONE:
             below.append((self.unit_of_quantity(self.by), 1))
         return _over(target.unit, below)
 
@@ -370,7 +374,7 @@ class FoundLaw(Effect):
         weights = (1.0, float(len(self.of.signals) > 1))
         if self.of.name == ACROSS:
             weights = float(np.cos(self.bearing)), float(np.sin(self.bearing))
-        if self.by is None:
+        if self.by is None or kind == ALONE:
             second, offset, counts = places.begin(NOTHING), 0.0, 0.0
         else:
             second = self.by.places(places, target, joints)[0]

@@ -33,6 +33,8 @@ _KINDS: dict[int, Callable[[str], str]] = {
     kinds.DRAG: lambda u: f"{u} * absolute({u})",
     kinds.FADING: lambda u: f"exp(-maximum({u}, 0.0))",
     kinds.RAMP: lambda u: f"minimum(maximum({u}, 0.0), 1.0)",
+    kinds.ALONE: lambda u: u,
+    kinds.OTHER: lambda u: "1.0",
 }
 _FUNCTIONS = ("absolute", "cos", "exp", "maximum", "minimum", "sign", "sin", "tanh")
 _PROJECT = """[project]
@@ -109,7 +111,7 @@ class {name}(Effect):
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
         """What one term adds to its stage."""
         u = ({argument} - c[0]) * c[1]
-        return c[2] * ({sum}){second}
+        return c[2] * ({sum})
 
     def terms(self, places: Places) -> Iterator[Term]:
         """One for each number that is moved."""
@@ -153,8 +155,7 @@ def effect_file(guess: Guess, cause: str, seen: str) -> str:
         mechanism=first.mechanism.name,
         intervals=_intervals(parts),
         argument=_argument(first.of),
-        sum=" + ".join(f"v[{i}] * {_KINDS[kind]('u')}" for i, kind in enumerate(first.kinds)),
-        second=_second(first),
+        sum=_sum(first),
         shapes=_shapes(parts),
         signals=_signals(first),
     )
@@ -279,11 +280,21 @@ def _argument(of: Quantity) -> str:
     return "s[0] + s[1]" if len(of.signals) > 1 else "s[0]"
 
 
+def _sum(law: FoundLaw) -> str:
+    """The law's functions, each with its value and the second quantity if it has one."""
+    second = _second(law)
+    return " + ".join(
+        f"v[{i}] * {_KINDS[kind]('u')}" + ("" if kind == kinds.ALONE else second)
+        for i, kind in enumerate(law.kinds)
+    )
+
+
 def _second(law: FoundLaw) -> str:
     if law.by is None:
         return ""
     at = 2 if law.of.name == ACROSS or len(law.of.signals) > 1 else 1
-    return f" * (s[{at}] - {law.by.middle!r})"
+    own = f"s[{at}]"
+    return f" * ({own} - {law.by.middle!r})" if law.by.middle else f" * {own}"
 
 
 def _signals(law: FoundLaw) -> str:
