@@ -190,3 +190,42 @@ def test_machine_code_of_another_version_is_made_anew(tmp_path: Path) -> None:
     index.write_bytes(pickle.dumps(numba.__version__) + b"cno_such_module\nGone\n.")
     assert told() == "4.0 0\n"
     assert told() == "4.0 1\n"
+
+
+CALLED = """
+from delta_calibration.model.jit import compiled
+
+
+@compiled(borrows=True, shared=True)
+def doubled(value):
+    return 2.0 * value
+"""
+CALLER = """
+from delta_calibration.model.jit import compiled
+from called_by_name import doubled
+
+
+@compiled()
+def times_six(value):
+    return 3.0 * doubled(value)
+"""
+
+
+def test_shared_machine_code_is_found_again_or_made_anew(tmp_path: Path) -> None:
+    """A caller that is kept holds a name only; it must not run if nothing has that name."""
+    for path, text in (("called_by_name", CALLED), ("kept_caller", CALLER)):
+        (tmp_path / f"{path}.py").write_text(text)
+    run = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); "
+    run += "import kept_caller as k, called_by_name as c; "
+    run += "print(k.times_six(2.0), *(len(f.stats.cache_hits) for f in (k.times_six, c.doubled)))"
+
+    def told() -> str:
+        command = [sys.executable, "-c", run]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+    assert told() == "12.0 0 0\n"
+    assert told() == "12.0 1 1\n"
+    for kept in (tmp_path / "__pycache__").glob("called_by_name.doubled*.nb*"):
+        kept.unlink()
+    assert told() == "12.0 0 0\n"
+    assert told() == "12.0 1 1\n"
