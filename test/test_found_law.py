@@ -338,3 +338,41 @@ def test_laws_of_travel_are_tried_though_it_is_unknown_before_the_first_reversal
     signals = replace(known, rows=rows)
     laws = Grammar(ROBOT, start.evidence, signals).laws()
     assert {t.joint for law in laws if law.of.name == "travel" for t in law.targets} == {0, 1, 2}
+
+
+def misread(causes: dict[str, float], seed: int, joint: int, error) -> Diagnosis:
+    """Diagnosis of a SCARA whose recorded angle of a joint is `error(q)` [rad] less than true."""
+    robot = load_robot("scara")
+    session = hide(causes, seed, "no_sweeps", robot="scara").session
+
+    def read(stream):
+        position = stream.position.copy()
+        position[:, joint] -= error(stream.position.T)
+        return replace(stream, position=position)
+
+    session = replace(session, command=read(session.command), states=read(session.states))
+    return diagnose(survey(session, robot.joints.names), robot, seed=seed)
+
+
+@pytest.mark.slow
+def test_a_cause_much_weaker_than_a_law_is_told_beside_it() -> None:
+    """A map would take its place: the law alone leaves several times the noise."""
+    verdict = misread({"backlash": 0.12}, 906, 0, lambda q: 8e-4 * q[1] ** 2).verdict
+    (finding,), (law,) = verdict.findings, verdict.unknown_structure.laws
+    assert finding.cause == "backlash"
+    true = hide({"backlash": 0.12}, 906, "no_sweeps", robot="scara").causes[0].values
+    for name, gap in finding.parameters.items():
+        assert abs(gap.value - float(true[name])) < 3.5 * gap.std
+    assert law.variables == ("q_2",)
+    square = law.values["b_1"]
+    assert abs(square.value - 8e-4) < 3.5 * square.std
+
+
+@pytest.mark.slow
+def test_a_product_of_angles_about_other_values_than_zero_is_a_law() -> None:
+    verdict = misread({}, 907, 1, lambda q: 2.5e-4 * (q[0] - 0.6) * q[1]).verdict
+    (law,) = verdict.unknown_structure.laws
+    assert (law.part, set(law.variables)) == ("joint_2", {"q_1", "q_2"})
+    assert law.equation == "dq_2 = a_2*q_2*q_1 + b_2*q_2 + c_2*q_1"
+    product = law.values["a_2"]
+    assert abs(product.value - 2.5e-4) < 3.5 * product.std

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from delta_calibration.diagnosis.candidates import Candidate
-from delta_calibration.diagnosis.constants import IMPERFECT
+from delta_calibration.diagnosis.constants import IMPERFECT, LACKING
 from delta_calibration.diagnosis.findings import HeldOutModels, of_term
 from delta_calibration.diagnosis.fitted import Fitted
 from delta_calibration.diagnosis.law_search import Likely, likely_laws
@@ -49,16 +49,20 @@ def by_law(
     found, held, said = confirmed
     plain = without_maps(found.model)
     laws = _laws(plain, effect, rng)
+    alone = ByLaw(confirmed)
     if laws:
-        return ByLaw(_in_place_of_maps(found, held, said, laws[0]), laws, told(laws, plain))
+        alone = ByLaw(_in_place_of_maps(found, held, said, laws[0]), laws, told(laws, plain))
+        if alone.confirmed[0].model.misfit <= LACKING:
+            return alone
     beside = tuple(m for m in lost if not _from_maps(found.model, m))
     if not beside:
-        return ByLaw(confirmed)
+        return alone
     plain = plain.fitted((*plain.terms, *beside))
     laws = _laws(plain, effect, rng)
     both = _both(found, plain, laws[0], rng) if laws else None
-    if both is None or not _foretells(both[1], both[0].model, held, found.model):
-        return ByLaw(confirmed)
+    other, than, _ = alone.confirmed
+    if both is None or not _foretells(both[1], both[0].model, than, other.model):
+        return alone
     return ByLaw(both, laws, told(laws, plain))
 
 
