@@ -31,7 +31,7 @@ _FIRST = "srbd"  # the robot with the fewest laws
 def command() -> None:
     """Compile all laws and the loops over samples, and keep them for every later process.
 
-    The laws in a process of their own: nothing but the loops' calls depends on them.
+    The laws at the same time in another process: loops call them by their addresses.
     """
     began = monotonic()
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -139,7 +140,8 @@ def judged(
     laws: tuple[Likely, ...] = ()
     if unknown.found:
         lost = tuple(m for m in names_of(sought.model) if not _among(found.model.terms, m))
-        by = by_law((found, held, said), lost, effects[0], rng)
+        check = partial(_stands, start=start, effects=effects, rng=rng)
+        by = by_law((found, held, said), lost, effects, check, rng)
         laws, (found, held, said) = by.laws, by.confirmed
         unknown = replace(unknown, laws=by.equations)
         findings = [f for m, f in said.items() if not m.unexplained]
@@ -254,6 +256,16 @@ def _less_than_a_law(
             fewer = _holding(replace(found, model=mapped, last=last), start, rng)
             return _less_than_a_law(fewer, start, effects, rng)
     return found, held, {m: _doubted(f, most[m]) for m, f in said.items()}
+
+
+def _stands(
+    confirmed: Confirmed, start: Fitted, effects: Sequence[Effect], rng: np.random.Generator
+) -> Confirmed | None:
+    """Causes beside a law, with all doubts; None if another law is likelier than one of them."""
+    found, held, said = _less_than_a_law(confirmed, start, effects, rng)
+    if {*said} != {*confirmed[2]}:
+        return None
+    return found, held, with_same_signal(_in_part(said, found), found.model.evidence)
 
 
 def _perhaps_one(said: Sequence[Candidate]) -> Iterator[tuple[Candidate, ...]]:

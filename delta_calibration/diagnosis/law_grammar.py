@@ -149,8 +149,9 @@ class Grammar:
         function: Function,
         by: Quantity | None,
     ) -> Iterator[FoundLaw]:
-        """The law of all targets where its quantity changes, and the law of each of them alone."""
-        targets = [target for target in targets if self._changes(of, target)]
+        """The law of all targets where its quantities change, and that of each of them alone."""
+        every = [of] if by is None else [of, by]
+        targets = [t for t in targets if all(self._changes(quantity, t) for quantity in every)]
         if not targets:
             return
         law = FoundLaw(

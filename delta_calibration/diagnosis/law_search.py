@@ -37,6 +37,7 @@ from delta_calibration.diagnosis.constants import (
     LAW_SHOWS,
     LAW_SURE,
     MODELLED,
+    NAMED,
     PLAIN_WORDS,
     TEMPER,
     USUAL,
@@ -115,7 +116,7 @@ def likely_laws(
     guesses = _finer(screen, grammar.every)
     if not guesses or guesses[0].case.log_bayes < LAW_SHOWS:
         return ()
-    nameless = _best_map(evidence, effect, rng)
+    nameless = best_map(evidence, effect, rng)
     classes = _classes(screen, guesses)
     top = max(guesses[0].log_p, nameless, 0.0)
     weights = [np.exp((own[0].log_p - top) / TEMPER) for own in classes]
@@ -280,7 +281,7 @@ def _spread(start: Array) -> Array:
     return cast(Array, np.diag(np.where(start > 0.5, -0.25, 0.25)))
 
 
-def _best_map(evidence: LinearizedModel, effect: Effect, rng: np.random.Generator) -> float:
+def best_map(evidence: LinearizedModel, effect: Effect, rng: np.random.Generator) -> float:
     """ln B of the smooth map that explains the residuals best."""
     weighed = Weighed.of(evidence, np.inf, _DRAWS, rng)
     scores = mapped(lambda some: weighed.explore([some]), maps(evidence, effect))
@@ -327,7 +328,7 @@ def _holds(
     beside = evidence.beside(columns, np.full(columns.width, PRECISION))
     if _excess(beside) > (1 - LAW_EXPLAINS) * _excess(evidence):
         return False
-    return _best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
+    return best_map(beside, effect, rng) < LAW_BESIDE * guess.case.log_bayes
 
 
 def _share(part: Foretold) -> float:
@@ -336,7 +337,8 @@ def _share(part: Foretold) -> float:
     Dimensions beside it may take up much of what few parts show of it, and show less of it; then
     it counts whether the parts agree on its values.
     """
-    return max(part.share, part.of_parts) if part.share >= FORETOLD else part.share
+    some = part.share >= FORETOLD and part.gain >= NAMED
+    return max(part.share, part.of_parts) if some else part.share
 
 
 def _excess(evidence: LinearizedModel) -> float:

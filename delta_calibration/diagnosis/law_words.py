@@ -58,11 +58,14 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
     terms = found.terms[len(model.terms) :]
     other = _other(law)
     separated_by = None if other is None else _separated_by(law.guess, other, model.beside)
-    of_place = _moves_platform(law.guess.parts[0])
+    of_readings, elsewhere = (
+        (_OF_READINGS, _ANOTHER_STATION) if _moves_platform(law.guess.parts[0]) else (None, None)
+    )
     for at, part in enumerate(
         dict.fromkeys(target.part for m in terms for target in _law(m).targets)
     ):
         equations, values, names = [], {}, {}
+        rival = None if other is None else _words(other, at)
         for term in terms:
             for target in _law(term).targets:
                 if target.part == part:
@@ -76,8 +79,8 @@ def _entries(law: Likely, model: Fitted) -> Iterator[FoundEquation]:
             equation="; ".join(equations),
             values=values,
             probability=law.probability,
-            rival=_OF_READINGS if of_place else None if other is None else _words(other, at),
-            separated_by=_ANOTHER_STATION if of_place else separated_by,
+            rival=" or ".join(filter(None, (rival, of_readings))) or None,
+            separated_by=listed(filter(None, (separated_by, elsewhere))) or None,
             region={name: _range(model.beside, at) for name, at in names.items()},
         )
 
@@ -247,7 +250,19 @@ def _other(law: Likely) -> Guess | None:
     """The likeliest rival law whose equation differs by more than its shape; None if none."""
     others = [*law.same, *([law.rival] if law.rival else [])]
     ours = _kind(law.guess)
-    return next((guess for guess in others if _kind(guess) != ours), None)
+    return next((g for g in others if _kind(g) != ours and not _contains(g, law.guess)), None)
+
+
+def _contains(one: Guess, other: Guess) -> bool:
+    """Whether a law has all functions of another one of the same quantities, and more."""
+    first, second = one.parts[0], other.parts[0]
+    alike = (first.stage, first.targets[0], first.of, first.by) == (
+        second.stage,
+        second.targets[0],
+        second.of,
+        second.by,
+    )
+    return alike and {*first.kinds} > {*second.kinds}
 
 
 def _kind(guess: Guess) -> tuple[object, ...]:

@@ -163,7 +163,7 @@ class FoundEquation:
         equation: one equation for each number that it moves, separated by `;`.
         values: estimates for the letters in the equation.
         probability: of this law or one indistinguishable from it in this session.
-        rival: equation of the next law; None if there is none.
+        rival: equation of the next law, or what else would look the same; None if nothing.
         separated_by: measurement that would separate the two.
         region: smallest and largest value of each variable in the session, where the law is known.
     """

@@ -70,7 +70,7 @@ FUNCTIONS: Mapping[str, tuple[int, ...]] = {
     "drag": (DRAG,),
     "fading": (FADING,),
     "ramp": (RAMP,),
-    "bilinear": (LINE, ALONE, OTHER),  # a product of two quantities about any values of both
+    "bilinear": (LINE, ALONE, OTHER),  # product of two quantities, each beside it as well
 }
 KINDS = {
     Stage.DRIVE: "drive",
@@ -263,6 +263,8 @@ class FoundLaw(Effect):
         """Check that function, numbers, rows and joints exist on this mechanism."""
         if self.function not in FUNCTIONS:
             return f"function: {self.function!r} is not allowed; one of {', '.join(FUNCTIONS)}"
+        if ALONE in self.kinds and self.by is None:
+            return f"by: {self.function!r} needs a second quantity"
         numbers = (self.middle, self.scale, self.bearing, *self.typical)
         if not np.isfinite(numbers).all() or any(size <= 0 for size in self.typical):
             return "middle, scale, bearing, typical: finite numbers are expected"
@@ -351,7 +353,7 @@ class FoundLaw(Effect):
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:
-        """w v f((u - middle) scale) (s - s_0)."""
+        """w v f((u - middle) scale) (s - s_0); without the last factor if c[5] is 0."""
         u = _of(s, c)
         f = 0.0
         for kind, form in _FORMS.items():

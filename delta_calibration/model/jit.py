@@ -72,9 +72,12 @@ def compiled(
         taken = {__name__, *_taken_from(sys.modules[function.__module__])}
         digest = _digest("".join(map(_sources, sorted(taken))))
         function.__qualname__ = f"{function.__qualname__}_{digest}"
-        made = _kept(njit, function, signature, nogil=not alone, **options)
+        made = _kept(njit, function, None, nogil=not alone, **options)
         if shared:
             share(made)
+        if signature is not None:
+            made.compile(signature)
+            made.disable_compile()
         return cast(_Function, made)
 
     return decorate

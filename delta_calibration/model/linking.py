@@ -21,7 +21,7 @@ from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.registry import CPUDispatcher
 
 _PREFIX = "shared_code"
-_NAME = re.compile(rf"{_PREFIX}_\w+?_of_[0-9a-f]{{16}}".encode())
+_NAME = re.compile(rf"{_PREFIX}_\w+_of_[0-9a-f]{{16}}(?!\w)".encode())
 _FUNCTIONS: dict[str, CPUDispatcher] = {}  # by the part of the name before their arguments'
 _LINKED: set[str] = set()  # names that the linker knows
 
@@ -35,9 +35,12 @@ def share(dispatcher: Any) -> None:
 
     def link(made: Any) -> None:
         """Tell the linker where the code of one signature is, and numba how to call it."""
-        kinds = blake2s(str(made.signature.args).encode(), digest_size=8).hexdigest()
-        name, called = f"{own}_of_{kinds}", copy(made.fndesc)
-        binding.add_symbol(name, made.library.get_pointer_to_function(called.llvm_func_name))
+        name, called = f"{own}_of_{_kinds(made.signature.args)}", copy(made.fndesc)
+        address = made.library.get_pointer_to_function(called.llvm_func_name)
+        if not address:  # callers contain its code then
+            add(made)
+            return
+        binding.add_symbol(name, address)
         called.mangled_name = name
         context.remove_user_function(made.entry_point)
         context.insert_user_function(made.entry_point, called)
@@ -67,9 +70,15 @@ class SharedCache(FunctionCache):  # type: ignore[misc,unused-ignore]
 
 def _linked(name: str) -> bool:
     """Whether the linker knows a name, after what is kept of its function has been loaded."""
-    if name not in _LINKED:
-        function = cast(Any, _FUNCTIONS.get(name.partition("_of_")[0]))
-        if function is not None:
-            for key in function._cache._cache_file._load_index():
-                function.compile(key[0])
+    own, _, kinds = name.rpartition("_of_")
+    function = cast(Any, _FUNCTIONS.get(own))
+    index = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    if name not in _LINKED and index is not None:
+        for arguments, *_ in index._load_index():
+            if _kinds(arguments) == kinds:
+                function.compile(arguments)
     return name in _LINKED
+
+
+def _kinds(arguments: Any) -> str:
+    return blake2s(str(tuple(arguments)).encode(), digest_size=8).hexdigest()
