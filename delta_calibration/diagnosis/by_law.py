@@ -1,4 +1,4 @@
-"""Laws of unknown structure take the place of maps in the extended model, beside named causes.
+"""Laws of unknown structure replace maps in the extended model, beside named causes.
 
 A map takes up whatever is smooth. A cause beside it that explains much less is not named, because
 it may be a part of the structure. If a law explains the structure beside such a cause, and the
@@ -28,8 +28,6 @@ from delta_calibration.errors import DataError
 
 # the search, held-out errors of its model, and the finding of each of its terms
 Confirmed = tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]
-
-
 # checks that the causes of a model with a law stand all others; None if one of them does not
 Check = Callable[[Confirmed], Confirmed | None]
 

@@ -51,7 +51,7 @@ def share(dispatcher: Any) -> None:
 
 
 class _Impl(CompileResultCacheImpl):  # type: ignore[misc,unused-ignore]
-    """Reads and writes machine code that may call shared functions."""
+    """Loads kept machine code, and before it the shared functions that it calls."""
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
         """Load machine code after what it calls; None if that cannot be had."""
