@@ -28,12 +28,12 @@ from delta_calibration.effects import catalogue
 from delta_calibration.effects.catalogue import effect_named
 from delta_calibration.effects.found_law import (
     FOUND_LAW,
-    FUNCTIONS,
     TORQUE,
     FoundLaw,
     Quantity,
     Target,
 )
+from delta_calibration.effects.law_forms import FORMS, FUNCTIONS
 from delta_calibration.errors import InputError
 from delta_calibration.export.effect_file import effect_file, require_effect_name
 from delta_calibration.plans import make_plan
@@ -61,6 +61,18 @@ def seen(kind: str, seed: int, strength: float) -> tuple[Diagnosis, Cause]:
 def start_fixture():
     trial = hide({"unknown:rub": 1.0}, 771)
     return calibrated(survey(trial.session, ROBOT.joints.names), ROBOT)
+
+
+@pytest.mark.parametrize("kind", FORMS)
+def test_a_function_is_what_its_texts_say(kind):
+    """As told in an equation, and as written into an effect file."""
+    u, form = np.array([-1.7, -0.4, 0.0, 0.3, 2.6]), FORMS[kind]
+    words = {name: getattr(np, name) for name in ("sin", "cos", "sign", "tanh", "exp", "abs")}
+    words.update(max=np.maximum, min=np.minimum)
+    said = eval(form.text("(u)").replace("^", "**"), {**words, "u": u})
+    coded = eval(form.coded, {**vars(np), "u": u})
+    np.testing.assert_allclose(np.broadcast_to(said, u.shape), form.of(u, np), atol=1e-15)
+    np.testing.assert_allclose(np.broadcast_to(coded, u.shape), form.of(u, np), atol=1e-15)
 
 
 def test_products_are_those_of_the_evidence(start) -> None:

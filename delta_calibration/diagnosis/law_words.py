@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from delta_calibration.diagnosis.law_grammar import AXES, PLATFORM, signals_of
 from delta_calibration.diagnosis.law_search import Guess, Likely
 from delta_calibration.diagnosis.linear_model import LinearizedModel
 from delta_calibration.diagnosis.verdict import Estimate, FoundEquation
-from delta_calibration.effects import found_law as kinds
 from delta_calibration.effects.found_law import (
     ACROSS,
     FORCE,
@@ -23,6 +22,7 @@ from delta_calibration.effects.found_law import (
     Quantity,
     Target,
 )
+from delta_calibration.effects.law_forms import ALONE, FORMS
 from delta_calibration.wording import listed
 
 _VALUES = "abc"
@@ -122,7 +122,7 @@ def equation(law: FoundLaw, target: Target, apart: bool = False) -> str:
     u = argument(law, target, own if apart else "")
     second = f"*{_less(_named(law.by, law, target), law.by.middle)}" if law.by else ""
     terms = [
-        _times(f"{_VALUES[i]}{own}", _FUNCTIONS[kind](u)) + ("" if kind == kinds.ALONE else second)
+        _times(f"{_VALUES[i]}{own}", FORMS[kind].text(u)) + ("" if kind == ALONE else second)
         for i, kind in enumerate(law.kinds)
     ]
     return f"{target.moved} = {' + '.join(terms)}"
@@ -152,28 +152,6 @@ def _less(name: str, middle: float) -> str:
 
 def _times(value: str, function: str) -> str:
     return value if function == "1" else f"{value}*{function}"
-
-
-def _ahead(u: str) -> str:
-    return f"max(0, {u})"
-
-
-_FUNCTIONS: Mapping[int, Callable[[str], str]] = {
-    kinds.LINE: lambda u: u,
-    kinds.SQUARE: lambda u: f"({u})^2",
-    kinds.CUBE: lambda u: f"({u})^3",
-    kinds.SINE: lambda u: f"sin({u})",
-    kinds.COSINE: lambda u: f"cos({u})",
-    kinds.SIDE: lambda u: f"sign({u})",
-    kinds.SOFT: lambda u: f"tanh({u})",
-    kinds.BEYOND: _ahead,
-    kinds.SETTLED: lambda u: f"(1 - exp(-{_ahead(u)}))",
-    kinds.DRAG: lambda u: f"({u})*abs({u})",
-    kinds.FADING: lambda u: f"exp(-{_ahead(u)})",
-    kinds.RAMP: lambda u: f"min(1, {_ahead(u)})",
-    kinds.ALONE: lambda u: u,
-    kinds.OTHER: lambda u: "1",
-}
 
 
 # --- variables -------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ this form (`diagnosis/law_grammar.py`); an accepted one is stored as an effect o
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -19,6 +19,7 @@ import numpy as np
 
 from delta_calibration.effects import signals
 from delta_calibration.effects.base import Array, Effect, Interval, Setting, Stage
+from delta_calibration.effects.law_forms import ALONE, FORMS, FUNCTIONS
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import NOTHING, Places
 from delta_calibration.effects.thermal_growth import REFERENCE
@@ -35,43 +36,7 @@ FOUND_LAW = "found_law"
 ACROSS = "across"  # position along a bearing in the xy plane, from the two numbers x and y
 FORCE, TORQUE, TEMPERATURE = "force", "torque", "temperature"
 
-LINE, SQUARE, CUBE, SINE, COSINE, SIDE, SOFT, BEYOND, SETTLED, DRAG, FADING, RAMP = range(1, 13)
-ALONE, OTHER = 13, 14  # of two quantities: the first without the second, and the second alone
-# each function of u; `words` is the module of its operations, symbols or numpy
-_FORMS: Mapping[int, Callable[[Any, Any], Any]] = {
-    LINE: lambda u, words: u,
-    SQUARE: lambda u, words: u * u,
-    CUBE: lambda u, words: u * u * u,
-    SINE: lambda u, words: words.sin(u),
-    COSINE: lambda u, words: words.cos(u),
-    SIDE: lambda u, words: words.sign(u),
-    SOFT: lambda u, words: words.tanh(u),
-    BEYOND: lambda u, words: words.maximum(u, 0.0),
-    SETTLED: lambda u, words: 1 - words.exp(-words.maximum(u, 0.0)),
-    DRAG: lambda u, words: u * words.absolute(u),
-    FADING: lambda u, words: words.exp(-words.maximum(u, 0.0)),
-    RAMP: lambda u, words: words.minimum(words.maximum(u, 0.0), 1.0),
-    ALONE: lambda u, words: u,
-    OTHER: lambda u, words: 1 + 0 * u,
-}
 Taken = tuple[tuple[int, ...], tuple[float, ...]]  # signals and constants of a function
-# functions that a law may use, each with its terms; every term has a value
-FUNCTIONS: Mapping[str, tuple[int, ...]] = {
-    "line": (LINE,),
-    "square": (SQUARE,),
-    "cube": (CUBE,),
-    "quadratic": (LINE, SQUARE),
-    "cubic": (LINE, SQUARE, CUBE),
-    "wave": (SINE, COSINE),
-    "sign": (SIDE,),
-    "saturation": (SOFT,),
-    "beyond": (BEYOND,),
-    "settling": (SETTLED,),
-    "drag": (DRAG,),
-    "fading": (FADING,),
-    "ramp": (RAMP,),
-    "bilinear": (LINE, ALONE, OTHER),  # product of two quantities, each beside it as well
-}
 KINDS = {
     Stage.DRIVE: "drive",
     Stage.STRUCTURE: "structure",
@@ -79,7 +44,6 @@ KINDS = {
     Stage.MEASUREMENT: "measurement",
 }
 _QUANTITY = re.compile(r"(?P<name>[a-z]+)(?:\+(?P<ahead>\d{1,3}))?(?::(?P<part>\w+))?")
-POWERS = {LINE: 1, ALONE: 1, SQUARE: 2, CUBE: 3, BEYOND: 1, DRAG: 2}  # powers of the unit of u
 
 _OF_JOINTS: Mapping[str, tuple[str, ...]] = {
     "q": (signals.JOINT,),
@@ -313,7 +277,7 @@ class FoundLaw(Effect):
 
     def value_unit(self, target: Target, kind: int) -> str:
         """Unit of a value: unit of the moved quantity over those of the law's quantities."""
-        below = [(self.unit_of_quantity(self.of), POWERS.get(kind, 0))]
+        below = [(self.unit_of_quantity(self.of), FORMS[kind].power)]
         if self.by is not None and kind != ALONE:
             below.append((self.unit_of_quantity(self.by), 1))
         return _over(target.unit, below)
@@ -356,8 +320,8 @@ class FoundLaw(Effect):
         """w v f((u - middle) scale) (s - s_0); without the last factor if c[5] is 0."""
         u = _of(s, c)
         f = 0.0
-        for kind, form in _FORMS.items():
-            f = f + where(c[2] == kind, form(u, symbols), 0.0)
+        for kind, form in FORMS.items():
+            f = f + where(c[2] == kind, form.of(u, symbols), 0.0)
         return v[0] * c[7] * f * where(c[5] > 0, s[2] - c[6], 1.0)
 
     def terms(self, places: Places) -> Iterator[Term]:
@@ -393,7 +357,7 @@ def function_of(taken: Taken, rows: Array) -> Array:
         rows: signals of the samples, (S, n).
     """
     (first, other, second), c = taken
-    f = _FORMS[int(c[2])](_of((rows[first], rows[other]), c), np)
+    f = FORMS[int(c[2])].of(_of((rows[first], rows[other]), c), np)
     return np.asarray(f * (rows[second] - c[6]) if c[5] > 0 else f)
 
 

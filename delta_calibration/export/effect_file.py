@@ -8,34 +8,25 @@ file is installed, simulator, fit, diagnosis and nodes use it like any other eff
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap
 
 from delta_calibration.diagnosis.law_search import Guess
 from delta_calibration.diagnosis.law_words import equation
 from delta_calibration.effects import EFFECTS
-from delta_calibration.effects import found_law as kinds
-from delta_calibration.effects.found_law import ACROSS, TEMPERATURE, FoundLaw, Quantity
+from delta_calibration.effects.found_law import (
+    ACROSS,
+    FORCE,
+    TEMPERATURE,
+    FoundLaw,
+    Quantity,
+    of_all,
+)
+from delta_calibration.effects.law_forms import ALONE, FORMS
 from delta_calibration.effects.signals import NOTHING
 from delta_calibration.errors import InputError
 
-_KINDS: dict[int, Callable[[str], str]] = {
-    kinds.LINE: lambda u: u,
-    kinds.SQUARE: lambda u: f"{u}**2",
-    kinds.CUBE: lambda u: f"{u}**3",
-    kinds.SINE: lambda u: f"sin({u})",
-    kinds.COSINE: lambda u: f"cos({u})",
-    kinds.SIDE: lambda u: f"sign({u})",
-    kinds.SOFT: lambda u: f"tanh({u})",
-    kinds.BEYOND: lambda u: f"maximum({u}, 0.0)",
-    kinds.SETTLED: lambda u: f"(1.0 - exp(-maximum({u}, 0.0)))",
-    kinds.DRAG: lambda u: f"{u} * absolute({u})",
-    kinds.FADING: lambda u: f"exp(-maximum({u}, 0.0))",
-    kinds.RAMP: lambda u: f"minimum(maximum({u}, 0.0), 1.0)",
-    kinds.ALONE: lambda u: u,
-    kinds.OTHER: lambda u: "1.0",
-}
 _FUNCTIONS = ("absolute", "cos", "exp", "maximum", "minimum", "sign", "sin", "tanh")
 _PROJECT = """[project]
 name = "{package}"
@@ -203,7 +194,7 @@ def require_effect_name(path: Path) -> None:
 
 
 def _used(law: FoundLaw) -> list[str]:
-    words = " ".join(_KINDS[kind]("u") for kind in law.kinds)
+    words = " ".join(FORMS[kind].coded for kind in law.kinds)
     return [name for name in _FUNCTIONS if f"{name}(" in words]
 
 
@@ -284,7 +275,7 @@ def _sum(law: FoundLaw) -> str:
     """The law's functions, each with its value and the second quantity if it has one."""
     second = _second(law)
     return " + ".join(
-        f"v[{i}] * {_KINDS[kind]('u')}" + ("" if kind == kinds.ALONE else second)
+        f"v[{i}] * {FORMS[kind].coded}" + ("" if kind == ALONE else second)
         for i, kind in enumerate(law.kinds)
     )
 
@@ -311,9 +302,9 @@ def _places(quantity: Quantity, law: FoundLaw) -> str:
         return ", ".join(f'places.begin("{name}") + {at}' for name in quantity.signals)
     if quantity.name == ACROSS:
         return 'places.begin("pose"), places.begin("pose") + 1'
-    if quantity.name == kinds.FORCE:
+    if quantity.name == FORCE:
         return 'places.begin("load") + row'
     if quantity.name == TEMPERATURE:
         return f'places.temperature("{quantity.part}")'
-    name, number = kinds.of_all(quantity.name)
+    name, number = of_all(quantity.name)
     return f'places.begin("{name}") + {number}' if number else f'places.begin("{name}")'
