@@ -23,6 +23,7 @@ from delta_calibration.diagnosis.fitted import _vertex
 from delta_calibration.diagnosis.law_grammar import Grammar, signals_of
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
 from delta_calibration.diagnosis.law_search import likely_laws
+from delta_calibration.diagnosis.law_words import told
 from delta_calibration.diagnosis.verdict import FoundEquation
 from delta_calibration.effects import catalogue
 from delta_calibration.effects.catalogue import effect_named
@@ -136,6 +137,29 @@ def test_a_law_that_leaves_much_more_than_noise_is_none(start) -> None:
         )
         assert bool(laws) == found
         assert all(law.guess.parts[0].targets[0].part == "joint_2" for law in laws)
+
+
+def test_a_platform_shifted_by_its_position_may_be_errors_of_the_tracker(start) -> None:
+    """Both move the readings alike, so the tracker is a rival, and another station tells."""
+    evidence, rng = start.evidence, np.random.default_rng(9)
+    laws = [*Grammar.of(evidence, ROBOT).laws()]
+    shift = next(
+        law
+        for law in laws
+        if (law.targets[0].moved, law.of.name, law.function, law.by) == ("dz", "x", "cubic", None)
+    )
+    turn = next(law for law in laws if law.targets[0].part == "joint_2" and law.of.name == "q")
+    for law, tracker in ((shift, True), (replace(turn, function="wave", scale=3.0), False)):
+        columns = evidence.columns(law)
+        signal = columns @ (150.0 / np.linalg.norm(columns, axis=0))
+        signal = signal.reshape(evidence.residual.shape)
+        noise = rng.standard_normal(signal.shape) * evidence.believed[:, None]
+        any_effect = catalogue(ROBOT, MECHANISM)[0]
+        found = likely_laws(replace(evidence, residual=signal + noise), ROBOT, any_effect, rng)
+        entry = told(found, start)[0]
+        assert found[0].guess.parts[0].targets[0].part == law.targets[0].part
+        assert ("tracker" in (entry.rival or "")) == tracker
+        assert ("tracker somewhere else" in (entry.separated_by or "")) == tracker
 
 
 def test_a_line_of_a_joint_that_works_far_from_zero_counts_from_its_middle() -> None:
