@@ -112,6 +112,12 @@ def test_equal_lags_are_a_latency_whatever_is_driven(poor):
     assert next_experiment(poor, first, second) == first.effect.outside
 
 
+def test_play_and_friction_that_is_as_strong_at_any_speed_take_a_push_by_hand(poor):
+    friction = effect("stick_slip", poor)
+    alike = replace(friction, effect=replace(friction.effect, level=1.0))
+    assert next_experiment(poor, effect("backlash", poor), alike) == alike.effect.outside
+
+
 def test_base_and_platform_joints_are_one_and_the_same(poor):
     names = poor.chain.mechanism.parameters.names
     each = {c.rows[0]: c for c in dimensions(poor)}

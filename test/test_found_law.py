@@ -18,8 +18,11 @@ from delta_calibration.cli.diagnose import describe
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis import judge as judgement
+from delta_calibration.diagnosis.constants import ALPHA, LACKING
 from delta_calibration.diagnosis.diagnose import Diagnosis, diagnose
 from delta_calibration.diagnosis.fitted import _vertex
+from delta_calibration.diagnosis.geometry import scatter_of
+from delta_calibration.diagnosis.judge import _loosened
 from delta_calibration.diagnosis.law_grammar import Grammar, signals_of
 from delta_calibration.diagnosis.law_screen import Reshaped, Screen
 from delta_calibration.diagnosis.law_search import likely_laws
@@ -160,6 +163,32 @@ def test_a_platform_shifted_by_its_position_may_be_errors_of_the_tracker(start) 
         assert found[0].guess.parts[0].targets[0].part == law.targets[0].part
         assert ("tracker" in (entry.rival or "")) == tracker
         assert ("tracker somewhere else" in (entry.separated_by or "")) == tracker
+
+
+def test_dimensions_do_not_exceed_their_tolerances_if_a_law_is_likelier(start) -> None:
+    """Wrong dimensions can imitate a product of two angles almost within the noise."""
+    evidence, rng = start.evidence, np.random.default_rng(10)
+    product = FoundLaw(
+        ROBOT,
+        MECHANISM,
+        targets=(Target("joint_2", "dq_2", ((1, 1.0),), "rad", 1),),
+        of=Quantity("q", 1),
+        by=Quantity("q", 2),
+    )
+    a = 5e-4 / product.parameters.prior
+    tolerances = 4.0 * rng.standard_normal(evidence.geometry.shape[1])
+    for signal, loosened in (
+        (evidence.columns(product) @ a, False),
+        (evidence.geometry @ tolerances, True),
+    ):
+        noise = rng.standard_normal(evidence.residual.shape) * evidence.believed[:, None]
+        off = replace(evidence, residual=signal.reshape(noise.shape) + noise)
+        found = replace(start, seen=off)
+        scatter = scatter_of(found.beside)
+        assert found.misfit < LACKING
+        assert scatter.log_p < np.log(ALPHA)
+        loose = _loosened(start, found, catalogue(ROBOT, MECHANISM))
+        assert (loose is not start) == loosened
 
 
 def test_a_line_of_a_joint_that_works_far_from_zero_counts_from_its_middle() -> None:

@@ -61,6 +61,7 @@ class Scatter:
 
     tau: float
     log_p: float  # ln p of a scatter as large if the dimensions keep their tolerances
+    log_bayes: float  # ln of the likelihood over that of dimensions that scatter by tolerances
     outlier: Outlier | None  # the most prominent dimension, significant or not
 
 
@@ -86,9 +87,11 @@ def scatter_of(evidence: LinearizedModel) -> Scatter:
     tau, least = float(_SCATTERS[int(np.argmin(alone))]), float(alone.min())
     within = float(_unlikeliness(values, along, np.ones(1))[0])
     log_p = _log_p_of_size(within - least, values / (1 + values)) if tau > 1 else 0.0
+    log_bayes = (within - least) / 2
     if best is None:
-        return Scatter(tau, log_p, None)
-    return Scatter(tau, log_p, _outlier(evidence, best, least, information, b, values, axes))
+        return Scatter(tau, log_p, log_bayes, None)
+    outlier = _outlier(evidence, best, least, information, b, values, axes)
+    return Scatter(tau, log_p, log_bayes, outlier)
 
 
 def _degrees_beside(values: Array, tau: float, share: Array) -> float:

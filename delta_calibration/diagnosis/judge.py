@@ -46,7 +46,7 @@ from delta_calibration.diagnosis.fitted import Fitted, beside
 from delta_calibration.diagnosis.geometry import scatter_of
 from delta_calibration.diagnosis.identifiability import unseen, with_payload
 from delta_calibration.diagnosis.law_grammar import COORDINATES, Grammar
-from delta_calibration.diagnosis.law_search import Likely, doubts_of_names
+from delta_calibration.diagnosis.law_search import Likely, doubts_of_names, likelier_than
 from delta_calibration.diagnosis.model_selection import worth_it
 from delta_calibration.diagnosis.name_checks import in_the_shadow, signal_of, untrusted
 from delta_calibration.diagnosis.other_names import with_same_signal
@@ -206,7 +206,7 @@ def _sought_again(
 
     Those of before if the wider priors lead to machines that cannot reach the poses.
     """
-    loose = _loosened(start, sought.model)
+    loose = _loosened(start, sought.model, effects)
     if loose is start:
         return start, sought
     try:
@@ -215,16 +215,24 @@ def _sought_again(
         return start, sought
 
 
-def _loosened(start: Fitted, found: Fitted) -> Fitted:
+def _loosened(start: Fitted, found: Fitted, effects: Sequence[Effect]) -> Fitted:
     """The machine without terms, its dimensions with the scatter that they have beside these.
 
     Where they exceed their tolerances, these tell nothing: held by them the dimensions would leave
-    errors, and a cause be found that is none. Not if structure is left, which bends them.
+    errors, and a cause be found that is none. Not if structure is left, which bends them, nor if
+    it is likelier that they keep their tolerances and the errors follow a law.
     """
     if found.misfit > LACKING:
         return start
-    scatter = scatter_of(found.beside)
-    return start.loosened(scatter.tau) if scatter.log_p < np.log(ALPHA) else start
+    evidence = found.beside
+    scatter = scatter_of(evidence)
+    if not scatter.log_p < np.log(ALPHA):
+        return start
+    if found.placed and evidence.axes == COORDINATES:
+        grammar = Grammar.of(evidence, effects[0].robot)
+        if likelier_than(scatter.log_bayes, evidence, grammar):
+            return start
+    return start.loosened(scatter.tau)
 
 
 def _less_than_a_law(

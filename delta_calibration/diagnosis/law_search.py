@@ -149,13 +149,20 @@ def doubts_of_names(
     """
     if not grammar.every:
         return 0.0
-    guesses = _finer(Screen(evidence, grammar.signals), grammar.every)
+    best = _finer(Screen(evidence, grammar.signals), grammar.every)[0]
     alone = [worth(evidence, [term]) for term in named]
     strongest = named[int(np.argmax(alone))].effect
     least = worth(evidence, named)
-    if len(named) == 1 or (strongest and strongest.stage is guesses[0].parts[0].stage):
+    if len(named) == 1 or (strongest and strongest.stage is best.parts[0].stage):
         least = max(least, (1 + MODELLED) * max(alone))
-    return float(expit((guesses[0].log_p - least - spare) / TEMPER))
+    return float(expit((best.log_p - least - spare) / TEMPER))
+
+
+def likelier_than(log_bayes: float, evidence: LinearizedModel, grammar: Grammar) -> bool:
+    """Whether a single law is likelier than an explanation of the residuals by ln B."""
+    if not grammar.every:
+        return False
+    return _finer(Screen(evidence, grammar.signals), grammar.every)[0].log_p > log_bayes
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:

@@ -154,7 +154,8 @@ class Backlash(Effect):
         if self.held_by or not other.yields:
             return None
         friction = self._too_small(most, other, least, at)
-        return StickSlip.cause, f"{_LIKELIER}; {_PUSHED}" if friction else _PUSHED
+        pushed = StickSlip.outside
+        return StickSlip.cause, f"{_LIKELIER}; {pushed}" if friction else pushed
 
     def _too_small(self, most: Array, other: Effect, least: Array, at: Conditions) -> bool:
         """Whether the gaps are less than what the friction in them would wind up the drives by.
@@ -228,8 +229,4 @@ _NEARLY_ALL = 0.95  # share of the poses whose loads friction must exceed
 _LIKELIER = (
     "friction is likelier: to keep the arms on both flanks of gaps under their weight it would "
     "wind up the drives by more than these gaps"
-)
-_PUSHED = (
-    "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
-    "against a drive that yields it springs back"
 )

@@ -52,6 +52,10 @@ class StickSlip(Effect):
         "clean and grease the guide or bearing, or replace it",
         "move the joint through its range at the lowest speed and watch the torque of the drive",
     )
+    outside: ClassVar[str] = (
+        "hold the motor still and push the arm both ways by hand: in a gap it moves freely, "
+        "against a drive that yields it springs back"
+    )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
     needs: ClassVar[tuple[str, ...]] = ("direction",)
