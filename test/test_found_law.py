@@ -249,6 +249,25 @@ def test_settings_that_are_no_law_are_refused(setting, value, said) -> None:
     assert said in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("function", "of", "by", "units"),
+    [
+        ("line", "q", "", ["1"]),
+        ("quadratic", "q", "", ["1", "1/rad"]),
+        ("bilinear", "q", "q+1", ["1/rad", "1", "1"]),
+        ("square", "torque", "", ["rad/(N m)^2"]),
+        ("line", "payload", "q", ["1/kg"]),
+        ("cube", "rate", "payload", ["rad/((rad/s)^3 kg)"]),
+    ],
+)
+def test_units_of_values_make_the_unit_of_what_is_moved(function, of, by, units) -> None:
+    moved = {"on": "drive", "targets": "joint_1 dq_1 rad 0 0:1.0", "typical": (1e-4,) * len(units)}
+    law = effect_named(
+        FOUND_LAW, ROBOT, MECHANISM, {**moved, "function": function, "of": of, "by": by}
+    )
+    assert [p.unit for p in law.parameters] == units
+
+
 @pytest.mark.parametrize("name", ["My Law.py", "law.txt", "backlash.py", "class.py", "1st.py"])
 def test_a_name_that_is_none_of_an_effect_is_refused(name: str) -> None:
     with pytest.raises(InputError, match="name"):

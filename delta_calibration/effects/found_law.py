@@ -397,15 +397,19 @@ def _target(text: str) -> Target:
 
 
 def _over(unit: str, below: list[tuple[str, int]]) -> str:
-    """A unit over powers of others: "rad/kg", "1/rad", "m/(N m)^2"."""
-    parts = []
+    """A unit over powers of others: "rad/kg", "1/rad", "m/(N m)^2"; equal ones are cancelled."""
+    powers: dict[str, int] = {}
     for name, power in below:
+        powers[name] = powers.get(name, 0) + power
+    above = unit
+    if powers.get(unit, 0) > 0:
+        above, powers[unit] = "1", powers[unit] - 1
+    parts = []
+    for name, power in powers.items():
         if name and power:
             whole = f"({name})" if " " in name or "/" in name else name
             parts.append(whole if power == 1 else f"{whole}^{power}")
-    if parts == [unit]:
-        return "1"
     if not parts:
-        return unit
+        return above
     under = parts[0] if len(parts) == 1 else f"({' '.join(parts)})"
-    return f"{unit}/{under}"
+    return f"{above}/{under}"
