@@ -9,7 +9,7 @@ import pytest
 
 from blind import hide
 from delta_calibration.data import survey
-from delta_calibration.diagnosis import diagnose
+from delta_calibration.diagnosis import calibrated, diagnose
 from delta_calibration.robot import load_robot
 
 ROBOT = load_robot("srbd")
@@ -43,6 +43,15 @@ def test_noise_that_the_file_claims_too_small_is_no_error(seed):
     assert not told.verdict.unknown_structure.found
     assert not told.verdict.findings
     assert any(FOLLOW_NOTHING in text for text in told.doubts)
+
+
+def test_noise_is_not_reduced_below_what_the_file_states():
+    start = calibrated(visited_once(hide({}, 8702)), ROBOT)
+    back = start.louder(3.0).louder(0.2)
+    for own, measured in zip(start.problem.measured, back.problem.measured, strict=True):
+        np.testing.assert_allclose(measured.whiten, own.whiten)
+    assert back.cell.noise.raised == 1.0
+    assert back.floor == pytest.approx(start.floor)
 
 
 def test_noise_that_the_file_claims_right_is_believed():

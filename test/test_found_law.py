@@ -231,6 +231,8 @@ def test_a_law_goes_into_a_file_and_comes_back(start) -> None:
         ("on", "somewhere", "on: 'somewhere'"),
         ("of", "wind", "of: 'wind'"),
         ("by", "q+x", "by: 'q+x'"),
+        ("of", "temperature", "'temperature' is not allowed"),
+        ("by", "torque", "by: 'torque' is not allowed"),
         ("function", "gamma", "function: 'gamma'"),
         ("targets", "joint_1", "targets: 'joint_1'"),
         ("targets", "joint_1 dq_1 rad 0 3:1.0", "targets: [3]"),
@@ -266,6 +268,22 @@ def test_units_of_values_make_the_unit_of_what_is_moved(function, of, by, units)
         FOUND_LAW, ROBOT, MECHANISM, {**moved, "function": function, "of": of, "by": by}
     )
     assert [p.unit for p in law.parameters] == units
+
+
+def test_a_law_of_a_temperature_needs_its_thermometer(start) -> None:
+    at = start.evidence.at
+    law = FoundLaw(
+        ROBOT,
+        MECHANISM,
+        targets=(Target("joint_1", "dq_1", ((0, 1.0),), "rad", 0),),
+        of=Quantity("temperature", part=at.temperature_parts[0]),
+    )
+    assert law.sensors == at.temperature_parts[:1]
+    assert law.missing(at) == ""
+    unheard = replace(at, temperature_parts=(), temperature=at.temperature[:, :0])
+    unknown = replace(at, temperature=np.full_like(at.temperature, np.nan))
+    assert law.sensors[0] in law.missing(unheard)
+    assert law.sensors[0] in law.missing(unknown)
 
 
 @pytest.mark.parametrize("name", ["My Law.py", "law.txt", "backlash.py", "class.py", "1st.py"])

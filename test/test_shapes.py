@@ -239,6 +239,13 @@ def test_outliers_like_their_neighbours_are_told_from_others():
     assert not like_neighbours(missed[:4], joint[:4]).any()  # too few to decide
 
 
+def test_an_outlier_visited_twice_is_not_its_own_neighbour():
+    """Of the four next to the second, two miss the same way."""
+    joint = np.array([0.0, 0.0, 0.1, 0.2, 0.3, 5.0])[:, None]
+    missed = np.array([-50.0, 50.0, 50.0, 50.0, -50.0, 50.0])[:, None] * np.eye(3)[0]
+    assert not like_neighbours(missed, joint)[1]
+
+
 def test_outliers_that_are_alike_and_no_cause_explains_stay_out():
     """A reflector that was off its nest by a centimetre for ten poses; no joint explains that."""
     robot = load_robot("srbd")

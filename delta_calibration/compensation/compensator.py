@@ -29,7 +29,6 @@ from delta_calibration.compensation.newton import NewtonSettings
 from delta_calibration.compensation.table import Stamp, Table, Tabulated
 from delta_calibration.compensation.table_build import Follow, TableSettings, Task, build
 from delta_calibration.data import Conditions, at_rest
-from delta_calibration.effects.base import SENSOR
 from delta_calibration.effects.signals import JOINT, Places, Signals
 from delta_calibration.errors import InputError
 from delta_calibration.lazy import cached_property
@@ -139,8 +138,7 @@ class JointCompensator:
     @cached_property
     def sensors(self) -> tuple[str, ...]:
         """Parts whose temperature the model uses."""
-        told = (effect.settings.get(SENSOR) for effect in self._effects)
-        return tuple(dict.fromkeys(str(sensor) for sensor in told if sensor))
+        return tuple(dict.fromkeys(part for effect in self._effects for part in effect.sensors))
 
     @property
     def by(self) -> str:

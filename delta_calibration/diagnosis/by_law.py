@@ -28,7 +28,7 @@ from delta_calibration.errors import DataError
 
 # the search, held-out errors of its model, and the finding of each of its terms
 Confirmed = tuple[SearchResult, HeldOutModels, dict[Candidate, Finding]]
-# checks that the causes of a model with a law stand all others; None if one of them does not
+# applies all remaining checks to the causes beside a law; None if one of them fails
 Check = Callable[[Confirmed], Confirmed | None]
 
 
@@ -50,7 +50,8 @@ def by_law(
 ) -> ByLaw:
     """Explain unknown structure by a law, beside the causes that hold or that were lost to a map.
 
-    The latter only if no law holds without them, or if it leaves more than noise.
+    The latter only if no law holds without them, or if what then stands, the law or a map that
+    predicts better, leaves more than noise.
 
     Args:
         confirmed: the causes that hold, and perhaps a map.
@@ -65,11 +66,11 @@ def by_law(
         return ByLaw(confirmed)
     laws = _laws(plain, effects, rng)
     alone = ByLaw(confirmed)
-    if laws:
-        alone = ByLaw(_in_place_of_maps(found, held, said, laws[0]), laws, told(laws, plain))
-        if alone.confirmed[0].model.misfit <= LACKING:
-            return alone
     try:
+        if laws:
+            alone = ByLaw(_in_place_of_maps(found, held, said, laws[0]), laws, told(laws, plain))
+            if alone.confirmed[0].model.misfit <= LACKING:
+                return alone
         return _beside(alone, found, lost, effects, check, rng) or alone
     except DataError:  # beside a cause or a law the fit does not reach all poses
         return alone

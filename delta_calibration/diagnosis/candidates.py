@@ -54,7 +54,7 @@ class Candidate:
 
     @property
     def plain(self) -> bool:
-        """Whether nothing was searched to find its shape: the effect has no open field."""
+        """Whether its shape has no open field; there may be several such, one for each sensor."""
         return self.effect is None or not self.effect.bounded_intervals()
 
     @property

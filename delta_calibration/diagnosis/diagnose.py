@@ -1,7 +1,6 @@
-"""From a session to a verdict, in eight steps.
+"""From a session to a verdict.
 
-1 clean, 2 baseline, 3 candidates, 4 classes, 5 several effects, 6 confirmation on held-out data,
-7 audit of the residuals, 8 what cannot be identified and what to measure next.
+Fit the geometry, search for causes, confirm them on held-out data, test what is left.
 """
 
 from __future__ import annotations
@@ -163,7 +162,7 @@ def diagnose(
         if effects is None:
             effects = catalogue(robot, start.problem.chain.mechanism)
         found = judged(start, effects, rng, against, step)
-        assert isinstance(found.model, Model)  # it was fitted as it began
+        assert isinstance(found.model, Model)  # as the search began
         whole = extended(found.model, seed)
     return Diagnosis(
         verdict=found.verdict,

@@ -89,13 +89,13 @@ class HeldOutModels:
         self.aside = np.zeros_like(self.poses)
         self.aside[set_aside(evidence, self.whole)] = True
         self.frame = held_out(without_geometry(evidence), self.sectors)
-        self._alike = {id(m): precision_of(m, model.scaled(m)) for m in model.terms}
-        self._priors: dict[tuple[int, int], Array] = {}
-        self._known: dict[tuple[int, ...], HeldOut] = {}
+        self._alike = {m: precision_of(m, model.scaled(m)) for m in model.terms}
+        self._priors: dict[tuple[int, Candidate], Array] = {}
+        self._known: dict[tuple[int, tuple[Candidate, ...]], HeldOut] = {}
 
     def terms(self, terms: tuple[Candidate, ...], part: NDArray[np.int64]) -> HeldOut:
         """Held-out errors of the geometry with these terms."""
-        key = (id(part), *(id(m) for m in terms))
+        key = id(part), terms
         if key not in self._known:
             prior = [self._prior(term, part) for term in terms]
             evidence, whole = (beside(e, terms, prior) for e in (self.evidence, self.whole))
@@ -104,9 +104,9 @@ class HeldOutModels:
 
     def _prior(self, term: Candidate, part: NDArray[np.int64]) -> Array:
         """Precision of each value of a term where parts are predicted by the others, (k,)."""
-        key = id(part), id(term)
+        key = id(part), term
         if key not in self._priors:
-            prior, alike = np.full(len(term.rows), PRECISION), self._alike.get(id(term), PRECISION)
+            prior, alike = np.full(len(term.rows), PRECISION), self._alike.get(term, PRECISION)
             if alike > PRECISION:
                 columns = products_of(term, self.evidence)
                 prior[~learnable(self.evidence, columns, part)] = alike
@@ -154,7 +154,7 @@ class HeldOutModels:
             parts.append(self.stretches)
         if term.unexplained and not self.foretells(rest, model.terms, self._where(columns)):
             return None
-        alike = self._alike.get(id(term), PRECISION)
+        alike = self._alike.get(term, PRECISION)
         value = model.scaled(term)
         signal = float(value @ evidence.information_of(columns) @ value)
         plain = signal >= NAMED and model.misfit <= LACKING

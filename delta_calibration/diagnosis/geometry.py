@@ -2,8 +2,8 @@
 
 The dimensions of a machine deviate by a common share tau of their tolerances, z ~ N(0, tau^2);
 tau is estimated from the data by marginal likelihood. A dimension that is an outlier to that
-scatter and makes up most of what geometry explains is a cause by itself. If there is none, but all
-scatter by more than their tolerances, the geometry is a cause; smaller deviations are what
+scatter and makes up a quarter of what geometry explains is a cause by itself. If there is none,
+but all scatter by more than their tolerances, the geometry is a cause; smaller deviations are what
 calibration is for. A reflector whose offset is unlikely under its prior is a cause as well.
 
     -2 ln L(tau) = r'V0^-1 r - b'(G + tau^-2)^-1 b + ln det(1 + tau^2 G)

@@ -1,8 +1,6 @@
 """From a fit to a verdict: search and confirm causes, test the residuals, judge the unknown.
 
-Steps 3 to 8 of a diagnosis, whatever was measured: 3 candidates, 4 classes, 5 several effects,
-6 confirmation on held-out data, 7 audit of the residuals, 8 what cannot be identified and what to
-measure next.
+All of a diagnosis after the first fit of the geometry (`STEPS`), whatever was measured.
 """
 
 from __future__ import annotations
@@ -133,7 +131,7 @@ def judged(
     if not unknown.found and len(names) < len(said):  # a map that is not stated is not used
         plain = without_maps(found.model).rested() if names else start
         found, held, said = replace(found, model=plain), HeldOutModels(plain), names
-        left = _audited(plain, rng)
+        left, aside = _audited(plain, rng), Aside.of(plain, rng)
         unknown = _unknown(found, plain, left, aside, doubtful)
     said = with_same_signal(_in_part(said, found), found.model.evidence)
     findings = [f for m, f in said.items() if not m.unexplained]
@@ -238,10 +236,11 @@ def _loosened(start: Fitted, found: Fitted, effects: Sequence[Effect]) -> Fitted
 def _less_than_a_law(
     confirmed: Confirmed, start: Fitted, effects: Sequence[Effect], rng: np.random.Generator
 ) -> Confirmed:
-    """Remove causes if a single law is likelier; otherwise reduce their confidence by that doubt.
+    """Remove causes for which a single law is likelier; otherwise reduce their confidence.
 
-    All together, several of one joint, or one beside the others. They are removed even if no law
-    is sure enough to be reported; then a map may take their place.
+    A law is compared with all of them together, with those of one joint, and with each beside the
+    others. They are removed even if no law is sure enough to be reported; then a map may take
+    their place.
     """
     found, held, said = confirmed
     whole = found.model.evidence
@@ -298,9 +297,9 @@ def _shipped(
 ) -> tuple[SearchResult, HeldOut, tuple[Candidate, ...]]:
     """The extended model, its held-out errors, and the terms that were refused.
 
-    A model that predicts held-out poses worse than the calibrated one is not shipped, whatever its
-    terms are. If its terms show in motion only, they stay but must change nothing at rest:
-    geometry, frame and reflector are those of the calibrated model.
+    A model that predicts held-out poses worse than the calibrated one is not shipped, unless all
+    its terms show in motion only. These stay, but must change nothing at rest: geometry, frame and
+    reflector are those of the calibrated model.
     """
     terms, plain = found.model.terms, held.terms((), held.sectors)
     if held.foretells((), terms):
@@ -337,7 +336,7 @@ def _borne_out(
 
 
 def _beside_what_holds(found: SearchResult) -> tuple[Candidate, ...]:
-    """The terms plus a cause that is significant now, or with a map instead of names."""
+    """The terms with a cause that has become significant, or with a map in the place of names."""
     terms = found.model.terms
     last = found.last.without(terms)
     freed = worth_it(last, found.model) if len(terms) < MOST else None
@@ -376,8 +375,9 @@ def _in_part(said: Mapping[Candidate, Finding], found: SearchResult) -> dict[Can
 def _map_beside(finding: Finding, last: Scan) -> float:
     """Probability that a smooth map, which explains some errors beside a cause, is real.
 
-    The prior is that of an error without a name; it is 1 if the search would have taken the map. A
-    map that may be due to chance must explain more of the cause's signal: no model is perfect.
+    Its prior is that of an error without a name. The result is 1 if the map is significant and
+    explains more than `SOME` of the cause's signal. A map that may be due to chance must explain
+    more of it: no model is perfect.
     """
     if _in_doubt(finding, last):
         return 1.0

@@ -270,10 +270,10 @@ class Grammar:
             return
         for axis in AXES:
             place = Quantity(axis)
-            for f in (Function("quadratic"), Function("cubic"), *self._waves(place)):
+            for f in (Function("quadratic"), Function("cubic"), *self._waves):
                 yield place, f, None
             for by in (*self._known("payload"), *self._temperatures):
-                for f in (Function("line"), Function("quadratic"), *self._waves(place)):
+                for f in (Function("line"), Function("quadratic"), *self._waves):
                     yield place, f, by
 
     def _of_turns(self) -> Iterator[tuple[Quantity, Function, Quantity | None]]:
@@ -316,7 +316,8 @@ class Grammar:
             for n, low, high in ends
         )
 
-    def _waves(self, place: Quantity) -> tuple[Function, ...]:
+    @property
+    def _waves(self) -> tuple[Function, ...]:
         return tuple(
             Function("wave", scale=n, searched=(("scale", n - 1.5, n + 1.5),)) for n in _WAVES
         )
@@ -332,6 +333,8 @@ class Grammar:
         """Functions that are zero up to a threshold, one for each of several thresholds."""
         values = np.quantile(self._values(of), _THRESHOLDS)
         step = float(np.diff(values).max())
+        if step <= 0:
+            return
         for value in values.tolist():
             near = (("middle", value - step, value + step),)
             yield Function("beyond", value, searched=near)

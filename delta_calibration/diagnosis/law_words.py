@@ -205,7 +205,7 @@ def _estimates(found: Fitted, term: Candidate, target: Target, apart: bool) -> d
         estimates[f"{_VALUES[i]}{own}"] = Estimate(
             float(values[row]), std, law.value_unit(target, kind)
         )
-    for (name, low, high), share in zip(law.searched, of_shape, strict=True):
+    for (name, low, high), share in zip(law.bounded_intervals(), of_shape, strict=True):
         std = float(share) * (high - low) / 12**0.5  # of a uniform distribution
         label = _FIELDS[name] + (own if apart else "")
         estimates[label] = Estimate(float(getattr(law, name)), std, _field_unit(law, name))
@@ -262,12 +262,14 @@ def _separated_by(one: Guess, other: Guess, evidence: LinearizedModel) -> str:
     ways = list(dict.fromkeys(_APART[name] for name in differ if name in _APART))
     if ways:
         return listed(ways)
-    low, high = _range(evidence, (first.of, first.targets[0], first))
-    name = " and ".join(variables(first, first.targets[0]))
-    unit = first.unit_of_quantity(first.of)
+    ends = []
+    for name, of in variables(first, first.targets[0]).items():
+        low, high = _range(evidence, of)
+        unit = first.unit_of_quantity(of[0])
+        ends.append(f"{name}, {low:.3g} and {high:.3g} {unit}".rstrip())
     return (
-        f"measure more poses near the ends of {name}, {low:.3g} and {high:.3g} {unit}".rstrip()
-        + ", and beyond them if the machine can reach that far"
+        f"measure more poses near the ends of {' and of '.join(ends)}, "
+        "and beyond them if the machine can reach that far"
     )
 
 

@@ -191,9 +191,10 @@ class Model(Fitted):
 
     def louder(self, factor: float) -> Model:
         """The fit with its noise times a factor, but no less than the robot file states."""
+        noise = self.cell.noise.louder(factor)
+        factor = noise.raised / self.cell.noise.raised
         parts = (replace(m, given=m.whiten / factor) for m in self.problem.measured)
         problem = replace(self.problem, measured=tuple(parts))
-        noise = self.cell.noise.louder(factor)
         return solved(self.survey, replace(self.cell, noise=noise), problem)
 
     def loosened(self, scatter: float) -> Model:
@@ -267,7 +268,9 @@ def solved(survey: Survey, cell: Cell, problem: Problem, near: Near | None = Non
 
 @one_thread()
 def fit(model: Model, terms: tuple[Candidate, ...]) -> Model:
-    """Fit the model with these terms instead of its own, by Gauss-Newton with robust weights.
+    """Fit the model with these terms instead of its own.
+
+    First to the poses, with a robust loss; then to poses and paths together, by Gauss-Newton.
 
     Shapes that depend on the values (the width of a play) are updated during the fit.
     """

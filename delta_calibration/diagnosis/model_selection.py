@@ -95,7 +95,7 @@ def _kinds(others: Sequence[Candidate]) -> frozenset[str]:
 
 
 def excess_of(model: Fitted) -> float:
-    """Chi square of the calibrated machine above its degrees of freedom."""
+    """Chi square without the terms, less the degrees of freedom with them."""
     return _chi_square(model.evidence) - model.beside.degrees
 
 

@@ -1,13 +1,13 @@
 """Confidence in the name of a cause, from how well its rivals explain the same signal.
 
 The confidence in a class of causes is its share of the probability among all candidates that were
-tried in its place, with the other terms kept:
+tried in its place, with the other terms kept, and of none of them:
 
     P = 0.98 (1 - exp(-lambda / 12)) sum_s exp(ln B_s / c) / sum_a exp(ln B_a / c)
 
-c is chi square per degree of freedom; s are the causes of the class, a all candidates. The first
-two factors allow for causes that were not tried. One cause in fifty is in no catalogue but moves
-the readings like one that is. And a weak signal of any origin resembles some cause in part.
+c is chi square per degree of freedom, at least 1; s are the causes of the class, a all causes,
+each by its best candidate, and no cause. The first two factors allow for causes that were not
+tried: those of no catalogue, and a weak signal of any origin, which resembles some cause in part.
 
 Two explanations are one class if, after all nuisance, the signal of the one, as found, lies within
 18 degrees of the span of the other's columns (cos > 0.95), and the other leaves no more of it

@@ -27,7 +27,7 @@ _NEIGHBOURS = 4  # outliers next to one in joint positions
 class Aside:
     """Result of the check of the poses that were set aside as unlike the model."""
 
-    alike: float | None  # p that outliers miss as much alike; None if they are too few
+    alike: float | None  # p that neighbours among them miss as alike by chance; None if few
     rms: float  # [m] root mean square of their 3-D residuals
     worst: Array | None  # (3,) [m] position in the base of the pose with the largest residual
 
@@ -67,7 +67,8 @@ def like_neighbours(missed: Array, joint: Array) -> NDArray[np.bool_]:
         return np.zeros(len(missed), dtype=bool)
     size = np.linalg.norm(missed, axis=1)
     apart = np.linalg.norm(joint[:, None] - joint, axis=-1)
-    near = np.argsort(apart, axis=1)[:, 1 : 1 + _NEIGHBOURS]
+    np.fill_diagonal(apart, np.inf)
+    near = np.argsort(apart, axis=1)[:, :_NEIGHBOURS]
     along = missed / np.maximum(size, 1e-300)[:, None]
     same = np.einsum("ki,ki->k", along, np.median(along[near], axis=1)) > SAME_WAY
     usual = float(np.median(size))

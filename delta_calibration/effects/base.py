@@ -72,7 +72,7 @@ class Effect(ABC):
 
     cause: ClassVar[str]  # one of the fixed names
     remedy: ClassVar[Remedy] = AS_FOUND  # what to do about it
-    kind: ClassVar[str]  # drive, structure or measurement, as reported
+    kind: ClassVar[str]  # drive, structure or measurement, as reported; unknown, of a map
     stage: ClassVar[Stage]
     # whether it can be any smooth function of its variable, so that it may imitate other causes
     free_form: ClassVar[bool] = False
@@ -456,7 +456,16 @@ class Effect(ABC):
             return NO_PAYLOAD
         if "direction" in self.needs and not (at.direction != 0).any():
             return "the direction of the last motion is not known"
+        for part in self.sensors:
+            if part not in at.temperature_parts or not np.isfinite(at.of_part(part)).all():
+                return f"the temperature of part {part!r} is not known"
         return ""
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Parts whose thermometers the effect uses."""
+        own = self.settings.get(SENSOR)
+        return (str(own),) if own else ()
 
     def remedied(self, lacking: str) -> str:
         """What to do about the condition that is `missing`."""

@@ -3,7 +3,7 @@
     dy_t = w_t sum_b v_tb f_b((u - middle) scale) (s - s_0)        for each target t
 
 with y a joint angle, a dimension or a coordinate of the reading; u a quantity (joint angle, rate,
-torque, payload, ...), f_b one of a few functions (`FUNCTIONS`), s an optional second quantity, and
+torque, payload, ...), f_b a few functions (`law_forms.py`), s an optional second quantity, and
 w_t the weights with which the target's numbers move together. The laws that a diagnosis tries have
 this form (`diagnosis/law_grammar.py`); an accepted one is stored as an effect of its own.
 """
@@ -142,7 +142,7 @@ class Target:
 
     @property
     def tag(self) -> str:
-        """Suffix that distinguishes its values from those of other targets: a number, an axis."""
+        """Suffix that distinguishes its values from those of other targets: 1, x, dx."""
         last = self.moved.rsplit("_", 1)[-1]
         return self.moved.removeprefix("d").split("_")[0] if last == "tracker" else last
 
@@ -229,6 +229,10 @@ class FoundLaw(Effect):
             return f"function: {self.function!r} is not allowed; one of {', '.join(FUNCTIONS)}"
         if ALONE in self.kinds and self.by is None:
             return f"by: {self.function!r} needs a second quantity"
+        if self.by is not None and self.by.name in (TORQUE, ACROSS):
+            return f"by: {self.by.name!r} is not allowed; a quantity of one number is expected"
+        if "" in self.sensors:
+            return f"{TEMPERATURE!r} is not allowed; the part is expected: {TEMPERATURE}:arm"
         numbers = (self.middle, self.scale, self.bearing, *self.typical)
         if not np.isfinite(numbers).all() or any(size <= 0 for size in self.typical):
             return "middle, scale, bearing, typical: finite numbers are expected"
@@ -310,10 +314,16 @@ class FoundLaw(Effect):
 
     @property
     def needs(self) -> tuple[str, ...]:
-        """Payload, for loads too; direction, if the law takes it."""
+        """Payload, for loads too; direction and temperature, if the law takes them."""
         names = {self.of.name, "" if self.by is None else self.by.name}
         loads = ("payload",) if names & {"payload", TORQUE, FORCE} else ()
-        return loads + (("direction",) if "direction" in names else ())
+        return loads + tuple(name for name in ("direction", TEMPERATURE) if name in names)
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Parts whose temperatures the law takes."""
+        both = (q for q in (self.of, self.by) if q is not None and q.name == TEMPERATURE)
+        return tuple(dict.fromkeys(quantity.part for quantity in both))
 
     @staticmethod
     def law(s: Symbol, v: Symbol, c: Symbol) -> Symbol:

@@ -1,6 +1,8 @@
 """Gravity sag of a serial arm's joints under links of unknown mass.
 
-    dq_j = -sum_{k >= j} mu_jk . R_k^T (z x a_j) - tau_j / k_j      a_j: axis of joint j, z: up
+    dq_j = -s_j sum_{k >= j} mu_jk . R_k^T (z x a_j) - tau_j / k_j
+
+with a_j the axis of joint j, z up, and s_j the sense of the joint's reading, 1 or -1.
 
 R_k mu_jk is the first moment of link k and all it carries, times the weight of a kilogram, over
 the stiffness of joint j: an arm's gravity torques depend on no more than these vectors (base
@@ -21,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 
 from delta_calibration.data import Conditions
-from delta_calibration.effects.base import Effect, Stage
+from delta_calibration.effects.base import Effect, Stage, payload_known
 from delta_calibration.effects.remedy import COMPENSATE, Remedy
 from delta_calibration.effects.signals import GRAVITY, JOINT, Places
 from delta_calibration.effects.springs import GIVE, MOST_GIVE
@@ -100,7 +102,7 @@ class GravitySag(Effect):
 
     def shapes(self, at: Conditions) -> Iterator[GravitySag]:
         """The payload has its own parameters if it changes."""
-        changes = np.isfinite(at.payload).all() and np.ptp(at.payload) > 0.0
+        changes = payload_known(at) and np.ptp(at.payload) > 0.0
         yield replace(self, payload=KNOWN if changes else UNKNOWN)
 
     def forms(self) -> Iterator[GravitySag]:

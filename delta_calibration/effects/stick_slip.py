@@ -37,7 +37,7 @@ from delta_calibration.parameters import ParameterSet
 class StickSlip(Effect):
     """Twist of a drive: full at low speed, a share `level` of it above `speed` [rad/s or m/s].
 
-    Of the part that goes with speed a joint at rest has the share `stopped`.
+    At rest the share `stopped` of the part that vanishes at speed remains.
     """
 
     cause: ClassVar[str] = "stick_slip"
@@ -111,7 +111,7 @@ class StickSlip(Effect):
         return float(np.exp(max(0.0, self.level - _USUAL) ** 2 / (2 * _RARE**2)))
 
     def intervals(self) -> tuple[Interval, ...]:
-        """Searched fields, each between its neighbours in the search; up to `_MOST` the level."""
+        """Speed and level up to their neighbours in the search; `stopped` over its whole range."""
         most = min(self.level + _NEXT, max(self.level, _MOST))
         stopped = ("stopped", 0.0, _NEARLY_ALL)
         return (

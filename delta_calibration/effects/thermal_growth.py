@@ -81,13 +81,6 @@ class Growth(Effect):
             return {SENSOR: self.part}
         return {"time_constant": WARM_UP}
 
-    def missing(self, at: Conditions) -> str:
-        """The sensor's temperature, if it is not known."""
-        recorded = self.sensor in at.temperature_parts
-        if self.sensor and not (recorded and np.isfinite(at.of_part(self.sensor)).all()):
-            return f"the temperature of part {self.sensor!r} is not known"
-        return ""
-
     def shapes(self, at: Conditions) -> Iterator[Effect]:
         """Its own sensor; else every other sensor that varies, warming over time, and cycles."""
         if self.part in at.temperature_parts:

@@ -381,7 +381,7 @@ def solve(
     settled: float = SETTLED,
     everywhere: bool = False,
 ) -> Solution:
-    """Minimise by Levenberg-Marquardt with Huber's loss on the distances, then Hampel's.
+    """Minimise by Levenberg-Marquardt with a robust loss on the distances.
 
     Without `start`, or with `everywhere`, other local minima are searched for if the reflector's
     offset is ill determined.
@@ -389,7 +389,8 @@ def solve(
     The loss is linear from 4 robust standard deviations of the residuals on, and never from less
     than 4 of the stated noise. That deviation is taken from the start's residuals, then from those
     of each fit until it no longer shrinks: a plain fit would have adapted itself to a gross error
-    and taken its own residuals for normal. Poses three times as far off then get weight 0.
+    and taken its own residuals for normal. Poses three times as far off then get weight 0, and the
+    reflector's offset of the file is tried as a second start.
 
     Raises:
         DataError: the start, or the fit, has poses that the model cannot reach.
@@ -633,7 +634,8 @@ def _require_reach(problem: Problem, now: _State, whose: str, hint: str) -> None
     """Refuse a state that leaves a pose without a prediction."""
     if np.isfinite(now.cost):
         return
-    bad = int(np.flatnonzero(~np.isfinite(now.at.pose).all(axis=1))[0])
+    seen = np.isfinite(now.at.pose).all(axis=1) & np.isfinite(now.at.residual).all(axis=1)
+    bad = int(np.flatnonzero(~seen)[0])
     joints = ", ".join(f"{v:.4f}" for v in problem.at.joint[bad])
     raise DataError(
         f"pose {bad + 1} of {len(problem.at)} cannot be reached by {whose}: joints "

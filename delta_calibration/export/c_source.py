@@ -22,7 +22,7 @@ from delta_calibration.compensation import JointCompensator, command_kernel
 from delta_calibration.compensation.compensator import SingleCommand
 from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Effect
-from delta_calibration.effects.base import SENSOR, law_for
+from delta_calibration.effects.base import law_for
 from delta_calibration.effects.signals import (
     ACCELERATION,
     CENTRE,
@@ -179,9 +179,9 @@ def parts_of(effects: Collection[Effect]) -> tuple[str, ...]:
 
     A smooth map over temperature uses that of the part that its session recorded first.
     """
-    sensors = [str(effect.settings.get(SENSOR, "")) for effect in effects]
+    sensors = [part for effect in effects for part in effect.sensors]
     maps = [FIRST] if any(TEMPERATURE in effect.takes for effect in effects) else []
-    return tuple(dict.fromkeys([*maps, *filter(None, sensors)]))
+    return tuple(dict.fromkeys([*maps, *sensors]))
 
 
 def _laws(

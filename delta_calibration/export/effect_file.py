@@ -79,6 +79,7 @@ class {name}(Effect):
     stage: ClassVar[Stage] = Stage.{stage}
     needs: ClassVar[tuple[str, ...]] = {needs}
     takes: ClassVar[tuple[str, ...]] = {takes}
+    sensors: ClassVar[tuple[str, ...]] = {sensors}
     told: ClassVar[Mapping[str, tuple[str, str]]] = {told}
 
 {fields}
@@ -140,6 +141,7 @@ def effect_file(guess: Guess, cause: str, seen: str) -> str:
         kind=first.kind,
         stage=first.stage.name,
         needs=repr(first.needs),
+        sensors=repr(first.sensors),
         takes=_items([repr(name) for name in first.takes if name != NOTHING], 4),
         told=_told(parts),
         fields=_fields(parts),
