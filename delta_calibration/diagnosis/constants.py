@@ -1,8 +1,9 @@
-"""Every constant that affects a verdict, with its origin.
+"""Constants of the search and of the verdict, with their origin.
 
 Four kinds: conventions of statistics; priors; constants set on machines of development seeds
 (never on those used to judge); and effort, where more finds the same. Numerical tolerances stand
-where they are used, constants of proposed measurements in `proposals.py`.
+where they are used; constants of the noise, of single effects, of the grammar of laws and of
+proposed measurements in the files of these.
 """
 
 # Conventions of statistics. lambda is the squared length of a signal in standard deviations of the

@@ -1,8 +1,9 @@
 """Cross-validation of candidate causes on data that the fit has not seen.
 
 Sectors of the workspace are held out in turn, then stretches of time, which hold the blocks of
-payload and temperature. A cause that is fitted to the others has to predict each of them. Its gain
-is the share that it removes of the avoidable error: the error before, less the noise.
+payload and temperature. A cause that is fitted to the others has to predict a share of what it
+explains, summed over all parts. Its gain is the share that it removes of the avoidable squared
+error: that before, less the noise.
 """
 
 from __future__ import annotations
@@ -166,8 +167,8 @@ def foretold(
         sum_parts D_all(v) - D_others(v),    over D_all at the most likely values
 
     This share is small for a signal that dimensions could also make, but only far beyond their
-    tolerances: any parts alone show how far, and each part adds little to that. Then `of_parts`
-    still tells whether the parts agree on the values v.
+    tolerances: the other parts already determine these dimensions, and the one held out adds
+    little. Then `of_parts` still tells whether the parts agree on the values v.
 
     Args:
         evidence: of all samples.

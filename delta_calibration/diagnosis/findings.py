@@ -75,8 +75,8 @@ MM = 1e3
 class HeldOutModels:
     """Held-out errors of several models; each model is predicted only once.
 
-    Values of one effect share their size. If the other parts do not determine a value, such as the
-    gap of a joint that the load moves to its other flank in one sector only, that is its prior.
+    Values of one effect share their size. If the other parts do not determine a value (the gap of
+    a joint whose flank changes in one sector only), this size is the deviation of its prior.
     """
 
     def __init__(self, model: Fitted) -> None:

@@ -4,11 +4,11 @@ The best laws of the screen are refined, first with one shape for all targets of
 one shape for each target. They are compared with one another, with a smooth map of the same
 structure and with no explanation at all, by their Bayes factor and prior,
 
-    ln p = ln B + ln (prior of its family) - ln (shapes of the family) (targets with one each)
+    ln p = ln B + ln (prior of its family) - k ln (number of shapes of the family)
 
-A law is reported if it is probable, if it predicts each held-out part of the data from the others,
-if it leaves little more than noise, and if a smooth map adds nothing to it; else the structure
-stays unknown.
+with k = 1, or the number of targets if each has its own shape. A law is reported if it is
+probable, if it predicts enough of what it explains on held-out parts of the data, if it leaves
+little more than noise, and if a smooth map adds nothing to it; else the structure stays unknown.
 """
 
 from __future__ import annotations

@@ -32,19 +32,19 @@ class Scan:
     @property
     def left(self) -> Score | None:
         """The likeliest explanation of the residuals; None if evidence for it is not strong."""
-        return next(self._plain(), None)
+        return next(self._strong(), None)
 
     @property
     def map(self) -> Score | None:
         """The likeliest map of the residuals; None if evidence for it is not strong."""
-        return next((s for s in self._plain() if s.candidate.unexplained), None)
+        return next((s for s in self._strong() if s.candidate.unexplained), None)
 
     @property
     def maps(self) -> tuple[Candidate, ...]:
         """All maps that were tried."""
         return tuple(s.candidate for s in self.scores if s.candidate.unexplained)
 
-    def _plain(self) -> Iterator[Score]:
+    def _strong(self) -> Iterator[Score]:
         return (s for s in self.scores if s.log_bayes > PLAIN and self.significant(s))
 
     @property
@@ -118,7 +118,7 @@ def _of_effects(
 ) -> Iterator[list[list[Candidate]]]:
     """Candidates to explore: for each effect its shapes, for each shape the whole and parts.
 
-    A second occasion of a cause is another question, and so is what an effect says is one.
+    Shapes of another occasion of a cause, or of another `Effect.question`, are explored apart.
     """
     for effect in effects:
         shapes = [shape for shape in effect.shapes(evidence.at) if not shape.missing(evidence.at)]

@@ -252,10 +252,10 @@ class Effect(ABC):
 
     @property
     def question(self) -> Hashable:
-        """Shapes of one question are compared by what they explain, and pay for their number.
+        """Key of the shapes that are compared by what they explain, and pay for their number.
 
-        Shapes with more values explain more in any case: if both kinds can be true, they are two
-        questions, compared by their evidence.
+        Shapes with more values explain more in any case: if both kinds can be true, they have two
+        keys, and are compared by their evidence.
         """
         return None
 

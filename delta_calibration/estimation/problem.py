@@ -47,7 +47,7 @@ SETTLED = 1e-3  # decrease of the cost (chi square) under which the search has c
 _GIVE_UP = 1e9  # damping at which the search ends
 _DAMPING = 1e-3  # least damping of a step; a prior adds 1 to the same diagonal
 _HUBER = 4.0  # whitened distances beyond this many (robust) standard deviations count linearly
-_GROSS = 3.0  # times the Huber distance, beyond which a pose is a gross error and has weight 0
+_CUT = 3.0  # times the Huber distance, beyond which a pose is a gross error and has weight 0
 _TOLD = 10.0  # prior over posterior standard deviation from which the offset has one minimum
 _UNTOLD = 1e-4  # share of the prior's variance below which a decrease tells nothing of the offset
 _ROUNDS = 12  # most rounds in which the loss is adapted to the residuals
@@ -406,7 +406,7 @@ def solve(
         last, bend = bend, min(bend, _bend(now.at.residual, now.at.numbers))
         if bend > _SHRUNK * last:
             break
-    if np.linalg.norm(now.at.residual, axis=1).max() <= _GROSS * bend:
+    if np.linalg.norm(now.at.residual, axis=1).max() <= _CUT * bend:
         loss, starts = _Loss(bend), [now]
         # the rounds may have led to the wrong local minimum
         if (start is None or everywhere) and _may_be_elsewhere(problem, now):
@@ -416,7 +416,7 @@ def solve(
         drawing = _state(problem, np.where(problem.offset_rows(), 0.0, now.z), _Loss(bend), None)
         drawing = _search(problem, _Loss(bend), drawing, settled)
         made += drawing.evaluations
-        loss, starts = _Loss(bend, _GROSS * bend), [now, drawing]
+        loss, starts = _Loss(bend, _CUT * bend), [now, drawing]
     ends: list[_State] = []
     for each in starts:
         ends.append(_search(problem, loss, each, settled, ends))
@@ -488,14 +488,14 @@ def solution_at(problem: Problem, z: Array) -> Solution:
         "a longer search may find another solution",
     )
     bend = _bend(own.at.residual, own.at.numbers)
-    now = _state(problem, z, _Loss(bend, _GROSS * bend), own.at.pose)
+    now = _state(problem, z, _Loss(bend, _CUT * bend), own.at.pose)
     return _solution(problem, replace(now, evaluations=2))
 
 
 def robust_weights(residual: Array) -> Array:
     """Weights of poses by whitened residuals (n, d): 1, less beyond 4 sigma, 0 beyond 12."""
     bend = _bend(residual, residual.shape[1])
-    return _Loss(bend, _GROSS * bend).judge(residual)[0]
+    return _Loss(bend, _CUT * bend).judge(residual)[0]
 
 
 def spread_of(residual: Array) -> float:
