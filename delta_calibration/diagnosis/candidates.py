@@ -54,7 +54,10 @@ class Candidate:
 
     @property
     def plain(self) -> bool:
-        """Whether its shape has no open field; there may be several such, one for each sensor."""
+        """Whether no field of its shape is searched; such shapes may still be several.
+
+        Growth has one for each thermometer.
+        """
         return self.effect is None or not self.effect.bounded_intervals()
 
     @property

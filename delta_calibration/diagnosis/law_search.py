@@ -147,9 +147,9 @@ def doubts_of_names(
         grammar: of the session, the same for all sets of causes.
         spare: ln B that a law may owe to errors of other causes, which are in the evidence.
     """
-    if not grammar.every:
+    best = _likeliest(evidence, grammar)
+    if best is None:
         return 0.0
-    best = _finer(Screen(evidence, grammar.signals), grammar.every)[0]
     alone = [worth(evidence, [term]) for term in named]
     strongest = named[int(np.argmax(alone))].effect
     least = worth(evidence, named)
@@ -160,9 +160,15 @@ def doubts_of_names(
 
 def likelier_than(log_bayes: float, evidence: LinearizedModel, grammar: Grammar) -> bool:
     """Whether a single law is likelier than an explanation of the residuals by ln B."""
+    best = _likeliest(evidence, grammar)
+    return best is not None and best.log_p > log_bayes
+
+
+def _likeliest(evidence: LinearizedModel, grammar: Grammar) -> Guess | None:
+    """The likeliest law of a grammar; None if the session can test no law."""
     if not grammar.every:
-        return False
-    return _finer(Screen(evidence, grammar.signals), grammar.every)[0].log_p > log_bayes
+        return None
+    return _finer(Screen(evidence, grammar.signals), grammar.every)[0]
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:

@@ -95,7 +95,7 @@ def _kinds(others: Sequence[Candidate]) -> frozenset[str]:
 
 
 def excess_of(model: Fitted) -> float:
-    """Chi square without the terms, less the degrees of freedom with them."""
+    """Chi square of a model without its terms, minus the degrees of freedom with its terms."""
     return _chi_square(model.evidence) - model.beside.degrees
 
 

@@ -1,4 +1,4 @@
-"""Functions of one quantity that laws found in data are made of: each is one line here."""
+"""The functions that a law found in data may use, each with its text for people and for files."""
 
 from __future__ import annotations
 
