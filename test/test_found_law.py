@@ -14,7 +14,9 @@ import pytest
 
 from blind import hide
 from blind.cause import Cause
+from delta_calibration.calibration import Calibration
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
 from delta_calibration.diagnosis import judge as judgement
@@ -41,6 +43,7 @@ from delta_calibration.effects.law_forms import FORMS, FUNCTIONS
 from delta_calibration.errors import InputError
 from delta_calibration.export.effect_file import effect_file, require_effect_name
 from delta_calibration.plans import make_plan
+from delta_calibration.region import Region
 from delta_calibration.report.verdict_file import verdict_of
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -284,6 +287,27 @@ def test_a_law_of_a_temperature_needs_its_thermometer(start) -> None:
     unknown = replace(at, temperature=np.full_like(at.temperature, np.nan))
     assert law.sensors[0] in law.missing(unheard)
     assert law.sensors[0] in law.missing(unknown)
+
+
+def test_a_command_is_not_corrected_by_a_law_without_its_thermometer(start) -> None:
+    """It was, as if the part were at 0 deg C."""
+    bare = start.problem.chain
+    law = FoundLaw(
+        ROBOT,
+        MECHANISM,
+        targets=(Target("joint_1", "dq_1", ((0, 1.0),), "rad", 0),),
+        of=Quantity("temperature", part="arm"),
+        typical=(1e-5,),
+    )
+    chain = bare.with_effects((law,))
+    theta = np.append(start.theta, 1e-4)
+    disc = make_plan("disc", ROBOT, count=4, both_sides=False)
+    region = Region.of(np.concatenate([disc.target - 0.01, disc.target + 0.01]))
+    limits = ROBOT.joints.lower, ROBOT.joints.upper
+    calibration = Calibration(ROBOT, chain, theta, region, *limits, 0.0, "", "")
+    told = JointCompensator(calibration).compensate(disc.joint[:1])
+    assert told.verdicts == (CommandStatus.MISSING_CONDITION,)
+    np.testing.assert_array_equal(told.joint, disc.joint[:1])
 
 
 @pytest.mark.parametrize("name", ["My Law.py", "law.txt", "backlash.py", "class.py", "1st.py"])
