@@ -29,6 +29,7 @@ from delta_calibration.data import Conditions
 from delta_calibration.effects import SPREAD, Effect, Stage
 from delta_calibration.effects.base import asked_of_stages, stages_of, table_of_stage, terms_of
 from delta_calibration.effects.signals import Places, Signals, all_asked, recorded, standing
+from delta_calibration.errors import InputError
 from delta_calibration.geometry import Frame, rotations
 from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
@@ -255,8 +256,13 @@ class Predictor:
 
         Returns:
             Poses, readings and derivatives; NaN rows out of reach.
+
+        Raises:
+            InputError: theta of another length.
         """
         chain, known = self.chain, self.signals
+        if theta.shape != (chain.layout.size,):
+            raise InputError(f"theta has shape {theta.shape}; it has to be ({chain.layout.size},)")
         stages, last = chain.compiled(known.places)
         near = guess is not None and not chain.mechanism.exact
         x = np.zeros((len(known), chain.mechanism.pose_size))

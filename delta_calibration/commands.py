@@ -216,7 +216,7 @@ def warmth_by_part(
 
 def _sensors(calibration: Calibration) -> tuple[set[str], list[str]]:
     """Parts whose temperature the calibration uses; those and all parts that can expand."""
-    asked = {str(effect.settings.get("sensor", "")) for effect, _ in calibration.live} - {""}
+    asked = {part for effect, _ in calibration.live for part in effect.sensors}
     effects = catalogue(calibration.robot, calibration.chain.mechanism)
     growing = {effect.part for effect in effects if effect.part}
     return asked, sorted(asked | growing)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from secrets import token_hex
+from typing import BinaryIO
 
 from delta_calibration.errors import InputError
 
@@ -27,12 +28,26 @@ def read_bounded(path: Path, most: int = MOST_TEXT, kind: type[InputError] = Inp
         InputError: (or the `kind` of it) no such file, no regular one, or a larger one.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            require_regular(path, os.fstat(descriptor), most, kind)
+        with opened(path, most, kind) as file:
             return file.read(most)
     except OSError as error:
         raise kind(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
+@contextmanager
+def opened(
+    path: Path, most: int = MOST_TEXT, kind: type[InputError] = InputError
+) -> Iterator[BinaryIO]:
+    """Open a regular file of at most `most` bytes for reading.
+
+    Raises:
+        InputError: (or the `kind` of it) no regular file, or a larger one.
+        OSError: no such file, or one that must not be read.
+    """
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(descriptor, "rb") as file:
+        require_regular(path, os.fstat(descriptor), most, kind)
+        yield file
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from importlib import resources
 from pathlib import Path
@@ -435,8 +436,9 @@ def known_robots() -> tuple[str, ...]:
 
 def _find(path_or_name: str | Path) -> Path:
     path = Path(path_or_name)
-    if path.suffix in (".yaml", ".yml") or path.is_file():
-        return path
+    with suppress(OSError):  # a text too long for the name of a file
+        if path.suffix in (".yaml", ".yml") or path.is_file():
+            return path
     if str(path_or_name) in known_robots():
         folder = resources.files("delta_calibration").joinpath("config")
         return Path(str(folder.joinpath(f"{path_or_name}.yaml")))

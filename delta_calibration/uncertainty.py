@@ -240,7 +240,7 @@ def radius95(
         degrees = np.where(square > 0, trace**2 / square, 1.0)
         sure = quantile = chdtri(degrees, 1 - COVERED)
         if doubt is not None:
-            known = np.minimum(2 * (trace / doubt) ** 2, MANY)
+            known = np.where(doubt > 0, np.minimum(2 * (trace / doubt) ** 2, MANY), MANY)
             quantile = degrees * fdtri(degrees, known, COVERED)
         scale = np.where(trace > 0, square / trace, 0.0)
     found = np.sqrt(np.maximum(scale * quantile, 0.0))

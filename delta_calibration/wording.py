@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from datetime import date, datetime, timezone
-from math import floor, log10
+from math import floor, inf, isfinite, log10
 
 from delta_calibration.data import SIMULATED_NS
 from delta_calibration.effects import called
@@ -43,6 +43,8 @@ def mm(value: float | None) -> str:
 
 def figures(value: float, digits: int = 3) -> str:
     """A number with `digits` figures: `93 300`, `4.2 × 10⁻⁸`, with a true minus sign."""
+    if not isfinite(value):
+        return NO_VALUE
     if value == 0:
         return "0"
     rounded = float(f"{value:.{digits}g}")
@@ -83,7 +85,7 @@ def measured(value: float, std: float | None, unit: str, size: float | None = No
     factor, shown = reader_unit(unit, value if size is None else size)
     behind = "" if unit == "1" else f" {shown}"
     value, std = factor * value, factor * (std or 0.0)
-    if std < _COARSE:
+    if not _COARSE <= std < inf:
         spread = f" ± {figures(std, 2)}" if std > 0 else ""
         return f"{figures(value, 4)}{spread}{behind}"
     places = max(0, 1 - floor(log10(std)))

@@ -16,6 +16,7 @@ from blind import hide
 from blind.cause import Cause
 from delta_calibration.calibration import Calibration
 from delta_calibration.cli.diagnose import describe
+from delta_calibration.commands import warmth_by_part
 from delta_calibration.compensation import CommandStatus, JointCompensator
 from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated
@@ -308,6 +309,9 @@ def test_a_command_is_not_corrected_by_a_law_without_its_thermometer(start) -> N
     told = JointCompensator(calibration).compensate(disc.joint[:1])
     assert told.verdicts == (CommandStatus.MISSING_CONDITION,)
     np.testing.assert_array_equal(told.joint, disc.joint[:1])
+    said: list[str] = []
+    assert warmth_by_part((("arm", 30.0),), calibration, said.append) == {"arm": 30.0}
+    assert not said  # not: "the calibration has no growth of arm"
 
 
 @pytest.mark.parametrize("name", ["My Law.py", "law.txt", "backlash.py", "class.py", "1st.py"])

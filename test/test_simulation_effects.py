@@ -166,7 +166,7 @@ def encoders(name, **stated):
             "encoder_interpolation",
             "joints.encoder_periods_per_m: the periods are too short .*; at most [0-9.]+ can",
         ),
-        (load_robot("scara"), "gravity_sag", "the masses of its links are stated"),
+        (load_robot("scara"), "gravity_sag", "all its axes are vertical and carry no weight"),
         (
             replace(CABLES, dimensions=replace(CABLES.dimensions, pretension=0.0)),
             "pretension_loss",

@@ -219,11 +219,13 @@ class JointCompensator:
                 given, the joints stand still and nothing else is known.
 
         Raises:
-            InputError: q has another shape.
+            InputError: q has another shape, or the conditions are those of another number.
         """
         joints = len(self.robot.joints.names)
         if q.ndim != 2 or q.shape[1] != joints:
             raise InputError(f"commands have shape {q.shape}; it has to be (n, {joints})")
+        if at is not None and len(at) != len(q):
+            raise InputError(f"conditions of {len(at)} commands for {len(q)}; one for each")
         q = np.ascontiguousarray(q, dtype=np.float64)
         known = np.where(np.isfinite(q), q, 0.0)
         if len(q) == 1 and self.by == "newton" and (at is not None or not self._effects):
@@ -293,12 +295,13 @@ class JointCompensator:
 
     def _singles(self, parts: tuple[str, ...]) -> _Single:
         """Data for single commands, made once for the parts whose temperature is known."""
-        if self._held is None or self._held.own.parts != parts:
+        single = self._held
+        if single is None or single.own.parts != parts:
             kernel, own = _kernel(), self._machine(parts)
             by = self.single_command(parts)
             held = kernel.Single(by.drawn.compiled, own.compiled, by.guards, by.search, by.room)
-            self._held = _Single(own, own.places.slices[JOINT], kernel.single, held)
-        return self._held
+            single = self._held = _Single(own, own.places.slices[JOINT], kernel.single, held)
+        return single
 
     def _found(self, q: Array, at: Conditions, usable: Flags) -> tuple[Array, Array, Array]:
         """Codes (n,), corrections (n, m) and numbers (n, 4) of commands: see command_kernel.py."""
@@ -383,9 +386,10 @@ class JointCompensator:
 
     def _machine(self, parts: tuple[str, ...]) -> IdentifiedMachine:
         """The identified machine where the temperatures of these parts are known."""
-        if parts != self._own.parts:
-            self._own = self._own.with_parts(parts)
-        return self._own
+        own = self._own
+        if parts != own.parts:
+            own = self._own = own.with_parts(parts)
+        return own
 
     @cached_property
     def _guards(self) -> Any:

@@ -24,8 +24,9 @@ from delta_calibration.compensation.base import Array
 from delta_calibration.compensation.table import Stamp, Table
 from delta_calibration.documents import check_document, content_hash, load_schema
 from delta_calibration.errors import ConfigError, InputError
-from delta_calibration.files import written_whole
+from delta_calibration.files import opened, written_whole
 
+_MOST = 4 << 30  # bytes: 500 nodes along each of three axes
 _SEAL = "sha256"
 _UNREADABLE = (  # raised by numpy, zip and JSON for a file of another format or an incomplete one
     OSError,
@@ -139,7 +140,7 @@ def _table(header: Mapping[str, Any], corrections: Array) -> Table:
 def _read(path: Path) -> tuple[Any, Array]:
     """Header and corrections of an archive."""
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+        with opened(path, _MOST, ConfigError) as file, np.load(file) as archive:
             header = json.loads(str(archive["header"]))
             corrections = archive["corrections"]
     except (FileNotFoundError, IsADirectoryError, PermissionError) as error:

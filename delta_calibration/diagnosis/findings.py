@@ -148,7 +148,7 @@ class HeldOutModels:
         """
         rest = tuple(m for m in model.terms if m is not term)
         evidence, bounds = beside(self.evidence, rest), bounds_of(term)
-        part = self.scattered if term.unexplained else self._sectors_for(evidence, columns)
+        part = self.scattered if term.unexplained else self.parts_for(evidence, columns)
         parts = [part]
         if not term.unexplained and learnable(evidence, columns, self.stretches).all():
             parts.append(self.stretches)
@@ -173,7 +173,7 @@ class HeldOutModels:
             return held if held.low >= WORTH else None
         return held if held.share > 0.0 or (plain and held.high > 0.0) else None
 
-    def _sectors_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
+    def parts_for(self, evidence: LinearizedModel, columns: Columns) -> NDArray[np.int64]:
         """Sectors of the poses, or of the motions if one pose sector holds nearly all of these."""
         if self._where(columns) is self.poses or learnable(evidence, columns, self.sectors).all():
             return self.sectors

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from delta_calibration.diagnosis.by_law import Confirmed, by_law, names_of, without_maps
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, moved_by, products_of
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    all_columns,
+    bounds_of,
+    moved_by,
+    products_of,
+)
 from delta_calibration.diagnosis.constants import (
     ALPHA,
     IMPERFECT,
@@ -252,7 +258,8 @@ def _less_than_a_law(
         without = beside(whole, others)  # about the fit with them: it favours them
         # the law may also make up for errors of the models of the others
         spare = IMPERFECT / 2 * sum(said[m].signal for m in others if m in said)
-        doubt = doubts_of_names(without, named, grammar, spare)
+        part = held.parts_for(without, all_columns(named, without))
+        doubt = doubts_of_names(without, named, grammar, part, spare)
         most |= {m: max(most[m], doubt) for m in named}
         left = min(_doubted(said[m], doubt).confidence for m in named)
         if doubt >= LIKELIER or left < LEAST_SURE:

@@ -23,7 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
-from delta_calibration.diagnosis.candidates import Candidate, bounds_of, columns_of, maps
+from delta_calibration.diagnosis.candidates import (
+    Candidate,
+    all_columns,
+    bounds_of,
+    columns_of,
+    maps,
+)
 from delta_calibration.diagnosis.columns import Plain
 from delta_calibration.diagnosis.constants import (
     COMPARED_LAWS,
@@ -131,7 +137,11 @@ def likely_laws(
 
 
 def doubts_of_names(
-    evidence: LinearizedModel, named: Sequence[Candidate], grammar: Grammar, spare: float = 0.0
+    evidence: LinearizedModel,
+    named: Sequence[Candidate],
+    grammar: Grammar,
+    part: NDArray[np.int64],
+    spare: float = 0.0,
 ) -> float:
     """Probability that a single law, and not the named causes, produced the readings.
 
@@ -139,23 +149,52 @@ def doubts_of_names(
     a lower price, and so can one cause beside others. A law that explains only slightly more than
     a single cause raises no doubt if that is compared alone, or if both act on the same stage:
     effects of the catalogue are models, and machines differ from them by a few per cent, which
-    another cause may seem to explain.
+    another cause may seem to explain. Nor does a law that predicts the parts it was not fitted to
+    no better than the causes: it is simple, but it is not how the machine behaves.
 
     Args:
         evidence: the residuals without the causes.
         named: the causes.
         grammar: of the session, the same for all sets of causes.
+        part: number of the part of the data that each sample is predicted with, (n,).
         spare: ln B that a law may owe to errors of other causes, which are in the evidence.
     """
     best = _likeliest(evidence, grammar)
-    if best is None:
+    if best is None or (len(named) == 1 and _is_its_law(named[0], best.parts[0])):
         return 0.0
     alone = [worth(evidence, [term]) for term in named]
     strongest = named[int(np.argmax(alone))].effect
     least = worth(evidence, named)
     if len(named) == 1 or (strongest and strongest.stage is best.parts[0].stage):
         least = max(least, (1 + MODELLED) * max(alone))
-    return float(expit((best.log_p - least - spare) / TEMPER))
+    ahead = best.log_p - least - spare
+    if ahead > 0.0 and len(np.unique(part)) > 1:
+        ahead = min(ahead, _foretold_more(evidence, best, named, grammar, part))
+    return float(expit(ahead / TEMPER))
+
+
+def _is_its_law(term: Candidate, law: FoundLaw) -> bool:
+    """Whether a law is the cause itself in its simplest form: play is an error by direction."""
+    if term.effect is None or law.by is not None or law.of.ahead:
+        return False
+    own = term.effect.stage, term.effect.simplest
+    return own == (law.stage, (law.of.name, law.function))
+
+
+def _foretold_more(
+    evidence: LinearizedModel,
+    law: Guess,
+    named: Sequence[Candidate],
+    grammar: Grammar,
+    part: NDArray[np.int64],
+) -> float:
+    """How much larger ln p of parts is by a law than by causes that were fitted to the others."""
+    by_law = Plain(Screen(evidence, grammar.signals).columns(law.parts) * law.case.size)
+    free = np.full(len(law.case.size), np.inf)
+    lower, upper = (np.concatenate(each) for each in zip(*map(bounds_of, named), strict=True))
+    of_law = foretold(evidence, by_law, (-free, free), part).gain
+    of_named = foretold(evidence, all_columns(named, evidence), (lower, upper), part).gain
+    return (of_law - of_named) / 2
 
 
 def likelier_than(log_bayes: float, evidence: LinearizedModel, grammar: Grammar) -> bool:

@@ -62,6 +62,7 @@ class Backlash(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    simplest: ClassVar[tuple[str, str]] = ("direction", "line")
     needs: ClassVar[tuple[str, ...]] = ("direction",)
     live_strength: ClassVar[float] = 1.0
     limits: ClassVar[Limits] = {"held_by": (0.0, 1e4)}

@@ -9,8 +9,9 @@ the stiffness of joint j: an arm's gravity torques depend on no more than these 
 parameters, Gautier and Khalil 1990), one free vector for each joint and link. The payload is known
 better: tau_j is its torque on joint j, and one number, the compliance 1 / k_j, gives its effect.
 That number is a free parameter if the payload changes; otherwise it is a part of the moments. If
-the robot file states masses, `reducer_compliance` identifies the stiffness itself. The axes are
-nominal: their errors are of the order of thousandths, and the sag is small.
+the robot file states masses and the payload is recorded, `reducer_compliance` identifies the
+stiffness itself, with far fewer values. The axes are nominal: their errors are of the order of
+thousandths, and the sag is small.
 """
 
 from __future__ import annotations
@@ -60,19 +61,17 @@ class GravitySag(Effect):
 
     @property
     def suits(self) -> bool:
-        """Whether it is an arm without stated masses and with an axis that is not upright."""
+        """Whether it is an arm with an axis that is not upright."""
         arm = self.mechanism
-        if not isinstance(arm, SerialArm) or arm.heavy(self.robot.masses):
+        if not isinstance(arm, SerialArm):
             return False
         return any(abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links)
 
     @property
     def unsuited(self) -> str:
-        """Reason: no arm, an arm with stated masses, or only upright axes, free of weight."""
+        """Reason: no arm, or only upright axes, free of weight."""
         if not isinstance(self.mechanism, SerialArm):
             return super().unsuited
-        if self.mechanism.heavy(self.robot.masses):
-            return "the masses of its links are stated: the stiffness itself can be identified"
         return "all its axes are vertical and carry no weight"
 
     @property

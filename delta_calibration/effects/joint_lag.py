@@ -31,6 +31,7 @@ class JointLag(Delay):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    simplest: ClassVar[tuple[str, str]] = ("rate", "line")
     takes: ClassVar[tuple[str, ...]] = (RATE, ACCELERATION)
 
     second_order: float = 1.0

@@ -28,6 +28,7 @@ class JointScale(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    simplest: ClassVar[tuple[str, str]] = ("q", "line")
 
     @property
     def suits(self) -> bool:

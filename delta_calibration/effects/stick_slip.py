@@ -58,6 +58,7 @@ class StickSlip(Effect):
     )
     kind: ClassVar[str] = "drive"
     stage: ClassVar[Stage] = Stage.DRIVE
+    simplest: ClassVar[tuple[str, str]] = ("direction", "line")
     needs: ClassVar[tuple[str, ...]] = ("direction",)
     limits: ClassVar[Limits] = {"speed": (1e-6, 100.0), "level": (0.0, 1.0), "stopped": (0.0, 1.0)}
     of_joints: ClassVar[tuple[str, ...]] = ("speed",)

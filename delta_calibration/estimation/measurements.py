@@ -367,8 +367,14 @@ class DistanceBetween(Observation):
     noise: float  # [m]
 
     def __post_init__(self) -> None:
-        """Refuse arrays that do not fit together."""
+        """Refuse arrays that do not fit together, and distances of a position from itself."""
         require_shapes(self, other=self.joint.shape, distance=(len(self.joint),))
+        same = np.flatnonzero((self.joint == self.other).all(axis=1))
+        if same.size:
+            raise InputError(
+                f"distance {same[0] + 1}: both positions have the same joints; two positions "
+                "that differ are needed"
+            )
 
     @property
     def sigma(self) -> Array:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from delta_calibration.data import Poses
+from delta_calibration.errors import DataError
 from delta_calibration.estimation.positive import solved
 from delta_calibration.robot import Robot, Tracker
 
@@ -80,8 +81,7 @@ class Noise:
 
     def reading(self, point: Array, tracker: Tracker) -> Array:
         """Covariance of one reading at each point, (n, 3, 3) [m^2]."""
-        distance = np.linalg.norm(point, axis=1)
-        beam = point / distance[:, None]
+        distance, beam = _beams(point)
         along, across = tracker.sigmas(distance)
         radial = (self.radial_scale * along) ** 2
         transverse = (self.transverse_scale * across) ** 2
@@ -93,6 +93,21 @@ class Noise:
         """Covariance of each measured pose, (n, 3, 3) [m^2]; `slope` is dy/dq, (n, 3, m)."""
         readings = self.reading(poses.point, tracker) / poses.count[:, None, None]
         return readings + self.repeatability**2 * slope @ np.swapaxes(slope, 1, 2)
+
+
+def _beams(point: Array) -> tuple[Array, Array]:
+    """Distance of points (n, 3) from the measuring device, (n,) [m], and direction, (n, 3).
+
+    Raises:
+        DataError: a point at the device's own origin, which lies in no direction.
+    """
+    distance = np.linalg.norm(point, axis=1)
+    if not distance.all():
+        raise DataError(
+            "a reading is (0, 0, 0), the place of the measuring device itself: give the readings "
+            "in the device's own frame"
+        )
+    return distance, point / distance[:, None]
 
 
 def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
@@ -269,8 +284,7 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     degrees = (poses.count[several] - 1).astype(float)
     if degrees.sum() < _ENOUGH:
         return _AS_FILED
-    distance = np.linalg.norm(poses.point[several], axis=1)
-    beam = poses.point[several] / distance[:, None]
+    distance, beam = _beams(poses.point[several])
     along, across = tracker.sigmas(distance)
     scatter = poses.scatter[several]
     radial = np.einsum("ni,nij,nj->n", beam, scatter, beam)

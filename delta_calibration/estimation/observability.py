@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.errors import DataError
+
 Array = NDArray[np.float64]
 
 _ZERO = 1e-8  # singular values under this share of the largest count as zero
@@ -63,6 +65,8 @@ def observe(jacobian: Array, scale: Array, names: Sequence[str]) -> Observabilit
     # the same column lengths and angles as the Jacobian, in fewer rows
     matrix = np.asarray(np.linalg.qr(scaled, mode="r"))
     norms = np.linalg.norm(matrix, axis=0)
+    if not norms.any():
+        raise DataError("nothing is identifiable: no reading depends on any parameter")
     shows = norms > _ZERO * norms.max()  # the rest is rounding, which must not be scaled up
     unit = np.where(shows, matrix / np.where(shows, norms, 1.0), 0.0)
     values = np.linalg.svd(unit, compute_uv=False)
