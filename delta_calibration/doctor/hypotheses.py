@@ -143,8 +143,8 @@ def offset_joints(
         "joint_offset",
         streams,
         of_angles(streams, lambda q: q - shift),
-        f"`offset: {-value:.6g}` ({unit}) for {part} in the mapping, or {home} (--fix subtracts "
-        f"it); if the drive is right, add {factor * value:.6g} to `{key}` in the robot file",
+        f"`offset` of {part} in the mapping: {-value:.6g} {unit}, written in the unit of the "
+        f"column; or {home} (--fix subtracts it); if the drive is right, add {factor * value:.6g} to `{key}` in the robot file",
         part=part,
         value=value,
         unit=unit,

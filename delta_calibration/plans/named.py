@@ -38,8 +38,7 @@ def make_plan(
     Args:
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
             `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
-            (everything a diagnosis needs), `circles` (the circle test of ten minutes), or the path
-            of a CSV file.
+            (everything a diagnosis needs), `circles` (the circle test), or the path of a CSV file.
         robot: decides which points are in reach.
         count: number of different points, cycles (`iso9283`) or stops on each circle (`circles`);
             each plan has its own default.

@@ -1,8 +1,8 @@
 """Node that records a session: all input topics, as the bytes that were received.
 
 The bytes are taken from raw subscriptions and never serialised again. A topic is recorded under
-the contract's name even where a remap makes it listen elsewhere: the remap says which of the
-cell's topics that is.
+its default name even where a remap makes it listen elsewhere: the remap says which of the cell's
+topics that is.
 """
 
 from __future__ import annotations
