@@ -143,8 +143,9 @@ def offset_joints(
         "joint_offset",
         streams,
         of_angles(streams, lambda q: q - shift),
-        f"`offset` of {part} in the mapping: {-value:.6g} {unit}, written in the unit of the "
-        f"column; or {home} (--fix subtracts it); if the drive is right, add {factor * value:.6g} to `{key}` in the robot file",
+        f"`offset: {-value:.6g}` for {part} in the mapping (here in {unit}; the mapping has the "
+        f"unit of the column), or {home} (--fix subtracts it); if the drive is right, add "
+        f"{factor * value:.6g} to `{key}` in the robot file",
         part=part,
         value=value,
         unit=unit,
