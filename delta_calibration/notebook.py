@@ -218,7 +218,8 @@ class Identified:
             temperature: by part [deg C].
 
         Raises:
-            InputError: no such targets, or the calibration needs a payload or a temperature.
+            InputError: no such targets, a payload or temperature that none can be, or one that the
+                calibration needs is not given.
         """
         return _commands(self.calibration, targets, method, payload, temperature)
 
@@ -366,8 +367,12 @@ def _rows(robot: Robot, targets: Any) -> list[Row]:
     """
     places = [name for name in commanded_columns(robot) if name in PLACE]
     if not hasattr(targets, "columns"):
-        values = np.atleast_2d(np.asarray(targets, dtype=float))
+        values = _numbers(targets)
         names = PLACE if values.shape[1] == len(PLACE) else tuple(places)
+        if values.shape[1] != len(names):
+            raise InputError(
+                f"{_SOURCE}: {values.shape[1]} numbers a target; expected: {', '.join(names)}"
+            )
         targets = _frame(dict(zip(names, values.T, strict=True)))
     found = [name for name in (NAME, *PLACE, *TURN) if name in targets.columns]
     require_columns(_SOURCE, [str(name) for name in targets.columns], places, (), ",")
@@ -379,6 +384,21 @@ def _rows(robot: Robot, targets: Any) -> list[Row]:
     if not rows:
         raise InputError(f"{_SOURCE}: contains no points")
     return rows
+
+
+def _numbers(targets: Any) -> Array:
+    """Targets as numbers, (n, k).
+
+    Raises:
+        InputError: something else.
+    """
+    try:
+        values = np.atleast_2d(np.asarray(targets, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{_SOURCE}: not a table of numbers: {error}") from error
+    if values.ndim != 2 or not values.size:
+        raise InputError(f"{_SOURCE}: shape {values.shape}; expected: (n, 3) [mm], n at least 1")
+    return values
 
 
 def _frame(columns: Mapping[str, Any]) -> pd.DataFrame:

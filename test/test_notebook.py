@@ -68,6 +68,25 @@ def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -
     assert list(again["status"]) == list(table["status"])
 
 
+@pytest.mark.parametrize(
+    ("targets", "more", "message"),
+    [
+        ([[1.0, 2.0]], {}, "2 numbers a target; expected: x_mm, y_mm, z_mm"),
+        ([[0.0, 0.0, -700.0, 1.0]], {}, "4 numbers a target"),
+        ([], {}, "n at least 1"),
+        ("abc", {}, "not a table of numbers"),
+        ([[0.0, 0.0, -700.0]], {"payload": -5.0}, "payload: -5 kg is not allowed"),
+        ([[0.0, 0.0, -700.0]], {"payload": np.nan}, "payload: nan kg is not allowed"),
+        ([[0.0, 0.0, -700.0]], {"temperature": {"arm": np.nan}}, "temperature arm=nan: not allow"),
+    ],
+)
+def test_what_no_command_can_be_made_of_is_refused(
+    found: Identified, targets: object, more: dict[str, object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        found.compensate(targets, **more)
+
+
 def test_a_session_with_a_mistake_is_warned_of_and_not_saved(
     session: Session, tmp_path: Path
 ) -> None:
