@@ -76,7 +76,10 @@ class Calibration:
         """Reason why an identified cause is not compensated, as the end of a sentence."""
         effect = next(e for e in self.chain.effects if e.cause == cause)
         if effect.bound_to_session:
-            return "it depends on the time since the start of a session"
+            return (
+                "it depends on the time since the start of a session; what it has changed since "
+                "is in neither the commands nor u95: measure again"
+            )
         return "it moves the base, not the joints"
 
     @property

@@ -112,7 +112,9 @@ def test_payload_and_temperature_are_asked_for_and_taken_part(cell, capsys):
         assert f"effects that need a condition: {missing}; give it by" in said
         assert not (cell / "all.csv").exists()
     cold = commands(cell, "all", "--payload", "0", "--temperature", "arm=20")
-    assert "not compensated: joint_zero_drift" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "not compensated: joint_zero_drift" in told
+    assert "in neither the commands nor u95: measure again" in told
     heavy = commands(cell, "all", "--payload", "3", "--temperature", "arm=20")
     warm = commands(cell, "all", "--payload", "0", "--temperature", "arm=45")
     assert (heavy < cold - 1e-5).all()  # a smaller angle is a higher arm
