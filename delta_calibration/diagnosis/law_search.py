@@ -177,8 +177,9 @@ def _is_its_law(term: Candidate, law: FoundLaw) -> bool:
     """Whether a law is the cause itself in its simplest form: play is an error by direction."""
     if term.effect is None or law.by is not None or law.of.ahead:
         return False
+    here = term.location is None or term.location in (target.part for target in law.targets)
     own = term.effect.stage, term.effect.simplest
-    return own == (law.stage, (law.of.name, law.function))
+    return here and own == (law.stage, (law.of.name, law.function))
 
 
 def _foretold_more(
