@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from delta_calibration.bounds import CELSIUS, PAYLOAD, require_within
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
 from delta_calibration.data import Conditions, at_rest, motion_of
@@ -26,7 +27,6 @@ Say = Callable[[str], None]
 Watch = Callable[[Sequence[NDArray[np.intp]]], Iterable[NDArray[np.intp]]]
 
 BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
-_COLDEST = -273.15  # [deg C]
 _BATCH = 64  # commands computed together, at least (if there are as many)
 # 95 % quantile over RMS of the length of a vector of three independent normal numbers of equal
 # variance (chi with three degrees of freedom, 2.795 / sqrt 3).
@@ -119,8 +119,8 @@ def commands_for(
         InputError: an invalid target, or the calibration needs a condition that is not given.
     """
     calibration = compensator.calibration
-    if payload is not None and not 0.0 <= payload < np.inf:
-        raise InputError(f"payload: {payload:g} kg is not allowed; a finite mass from 0 kg")
+    if payload is not None:
+        require_within("payload", payload, PAYLOAD, "kg")
     nominal = _nominal(calibration.robot, rows, payload or 0.0)
     reached = np.flatnonzero(np.isfinite(nominal).all(axis=1))
     if not reached.size:
@@ -199,10 +199,7 @@ def warmth_by_part(
     asked, known = _sensors(calibration)
     by_part: dict[str, float] = {}
     for part, celsius in given:
-        if not _COLDEST <= celsius < np.inf:
-            raise InputError(
-                f"temperature {part}={celsius:g}: not allowed; finite, from {_COLDEST:g} deg C on"
-            )
+        require_within(f"temperature of {part}", celsius, CELSIUS, "deg C")
         if part not in known:
             parts = ", ".join(known) or "none"
             raise InputError(

@@ -387,10 +387,10 @@ def _rows(robot: Robot, targets: Any) -> list[Row]:
 
 
 def _numbers(targets: Any) -> Array:
-    """Targets as numbers, (n, k).
+    """Convert targets to an array with a row of numbers for each target, (n, k) [mm].
 
     Raises:
-        InputError: something else.
+        InputError: there is no target, or the targets are not a table of numbers.
     """
     try:
         values = np.atleast_2d(np.asarray(targets, dtype=float))

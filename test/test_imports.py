@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 # A module may import those before it in this list, and its own.
 LAYERS = [
     "errors",
+    "bounds",
     "files",
     "loading",
     "lazy",

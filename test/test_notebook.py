@@ -77,7 +77,11 @@ def test_commands_put_the_identified_machine_on_the_targets(found: Identified) -
         ("abc", {}, "not a table of numbers"),
         ([[0.0, 0.0, -700.0]], {"payload": -5.0}, "payload: -5 kg is not allowed"),
         ([[0.0, 0.0, -700.0]], {"payload": np.nan}, "payload: nan kg is not allowed"),
-        ([[0.0, 0.0, -700.0]], {"temperature": {"arm": np.nan}}, "temperature arm=nan: not allow"),
+        (
+            [[0.0, 0.0, -700.0]],
+            {"temperature": {"arm": np.nan}},
+            "temperature of arm: nan deg C is not",
+        ),
     ],
 )
 def test_what_no_command_can_be_made_of_is_refused(

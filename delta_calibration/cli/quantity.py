@@ -7,6 +7,8 @@ from typing import Any
 
 import click
 
+from delta_calibration import bounds
+
 
 class Quantity(click.FloatRange):
     """A number between two finite bounds.
@@ -60,5 +62,5 @@ class OfPart(click.ParamType):  # type: ignore[type-arg]
         return part, float(self._quantity.convert(text, param, ctx))
 
 
-MASS = Quantity(0, 100_000)  # [kg]
-CELSIUS = Quantity(-273.15, 10_000)  # [deg C]
+MASS = Quantity(*bounds.PAYLOAD)  # [kg]
+CELSIUS = Quantity(*bounds.CELSIUS)  # [deg C]

@@ -149,8 +149,8 @@ def doubts_of_names(
     a lower price, and so can one cause beside others. A law that explains only slightly more than
     a single cause raises no doubt if that is compared alone, or if both act on the same stage:
     effects of the catalogue are models, and machines differ from them by a few per cent, which
-    another cause may seem to explain. Nor does a law that predicts the parts it was not fitted to
-    no better than the causes: it is simple, but it is not how the machine behaves.
+    another cause may seem to explain. Nor does a law raise doubt that predicts held-out parts no
+    better than the causes do: it is simple, but it is not how the machine behaves.
 
     Args:
         evidence: the residuals without the causes.
@@ -159,7 +159,8 @@ def doubts_of_names(
         part: number of the part of the data that each sample is predicted with, (n,).
         spare: ln B that a law may owe to errors of other causes, which are in the evidence.
     """
-    best = _likeliest(evidence, grammar)
+    screen = Screen(evidence, grammar.signals)
+    best = _likeliest(screen, grammar)
     if best is None or (len(named) == 1 and _is_its_law(named[0], best.parts[0])):
         return 0.0
     alone = [worth(evidence, [term]) for term in named]
@@ -169,12 +170,12 @@ def doubts_of_names(
         least = max(least, (1 + MODELLED) * max(alone))
     ahead = best.log_p - least - spare
     if ahead > 0.0 and len(np.unique(part)) > 1:
-        ahead = min(ahead, _foretold_more(evidence, best, named, grammar, part))
+        ahead = min(ahead, _foretold_more(screen, best, named, part))
     return float(expit(ahead / TEMPER))
 
 
 def _is_its_law(term: Candidate, law: FoundLaw) -> bool:
-    """Whether a law is the cause itself in its simplest form: play is an error by direction."""
+    """Whether a law describes the same error as a cause: an error by direction is backlash."""
     if term.effect is None or law.by is not None or law.of.ahead:
         return False
     here = term.location is None or term.location in (target.part for target in law.targets)
@@ -183,14 +184,10 @@ def _is_its_law(term: Candidate, law: FoundLaw) -> bool:
 
 
 def _foretold_more(
-    evidence: LinearizedModel,
-    law: Guess,
-    named: Sequence[Candidate],
-    grammar: Grammar,
-    part: NDArray[np.int64],
+    screen: Screen, law: Guess, named: Sequence[Candidate], part: NDArray[np.int64]
 ) -> float:
-    """How much larger ln p of parts is by a law than by causes that were fitted to the others."""
-    by_law = Plain(Screen(evidence, grammar.signals).columns(law.parts) * law.case.size)
+    """ln p of held-out parts by a law, less that by the named causes; each fitted to the rest."""
+    evidence, by_law = screen.evidence, Plain(screen.columns(law.parts) * law.case.size)
     free = np.full(len(law.case.size), np.inf)
     lower, upper = (np.concatenate(each) for each in zip(*map(bounds_of, named), strict=True))
     of_law = foretold(evidence, by_law, (-free, free), part).gain
@@ -200,15 +197,13 @@ def _foretold_more(
 
 def likelier_than(log_bayes: float, evidence: LinearizedModel, grammar: Grammar) -> bool:
     """Whether a single law is likelier than an explanation of the residuals by ln B."""
-    best = _likeliest(evidence, grammar)
+    best = _likeliest(Screen(evidence, grammar.signals), grammar)
     return best is not None and best.log_p > log_bayes
 
 
-def _likeliest(evidence: LinearizedModel, grammar: Grammar) -> Guess | None:
+def _likeliest(screen: Screen, grammar: Grammar) -> Guess | None:
     """The likeliest law of a grammar; None if the session can test no law."""
-    if not grammar.every:
-        return None
-    return _finer(Screen(evidence, grammar.signals), grammar.every)[0]
+    return _finer(screen, grammar.every)[0] if grammar.every else None
 
 
 def worth(evidence: LinearizedModel, named: Sequence[Candidate]) -> float:

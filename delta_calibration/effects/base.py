@@ -87,7 +87,7 @@ class Effect(ABC):
     of_joints: ClassVar[tuple[str, ...]] = ()
     # measurement that separates it from its rivals if no motion of this cell alone can do so
     outside: ClassVar[str] = ""
-    # quantity and function of the law that it is in its simplest form (`effects/found_law.py`)
+    # quantity and function of the law (`found_law.py`) that describes the same error, if one does
     simplest: ClassVar[tuple[str, str] | None] = None
     yields: ClassVar[bool] = False  # whether it is the give of drives under their loads
     called: ClassVar[str] = ""  # its name in sentences; by default its cause, as words

@@ -63,9 +63,9 @@ class GravitySag(Effect):
     def suits(self) -> bool:
         """Whether it is an arm with an axis that is not upright."""
         arm = self.mechanism
-        if not isinstance(arm, SerialArm):
-            return False
-        return any(abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links)
+        return isinstance(arm, SerialArm) and any(
+            abs(np.sin(link.twist)) > _UPRIGHT for link in arm.dimensions.links
+        )
 
     @property
     def unsuited(self) -> str:

@@ -96,7 +96,7 @@ class Noise:
 
 
 def _beams(point: Array) -> tuple[Array, Array]:
-    """Distance of points (n, 3) from the measuring device, (n,) [m], and direction, (n, 3).
+    """Distance of each pose's point (n, 3) from the device, (n,) [m], and direction, (n, 3).
 
     Raises:
         DataError: a point at the device's own origin, which lies in no direction.
@@ -104,8 +104,9 @@ def _beams(point: Array) -> tuple[Array, Array]:
     distance = np.linalg.norm(point, axis=1)
     if not distance.all():
         raise DataError(
-            "a reading is (0, 0, 0), the place of the measuring device itself: give the readings "
-            "in the device's own frame"
+            f"pose {np.argmin(distance) + 1}: the reading is (0, 0, 0), the place of the "
+            "measuring device itself; remove it if nothing was measured, or give all readings in "
+            "a frame whose origin is the device"
         )
     return distance, point / distance[:, None]
 
@@ -284,7 +285,7 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
     degrees = (poses.count[several] - 1).astype(float)
     if degrees.sum() < _ENOUGH:
         return _AS_FILED
-    distance, beam = _beams(poses.point[several])
+    distance, beam = (each[several] for each in _beams(poses.point))
     along, across = tracker.sigmas(distance)
     scatter = poses.scatter[several]
     radial = np.einsum("ni,nij,nj->n", beam, scatter, beam)
