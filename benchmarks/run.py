@@ -99,7 +99,7 @@ def session_work() -> list[tuple[str, float, str]]:
         calibration = from_identification(identify(poses, robot, model), robot, poses)
         for method in ("newton", "apso"):
             compensator = JointCompensator(calibration, method)
-            compensator.warm_up()
+            compensator.compensate(line[:1])  # compiles
             batch = 1e3 * least(compensator.compensate, line, items=len(line), repeats=3)
             alone = 1e3 * least(compensator.compensate, line[:1], at_rest(line[:1]), repeats=3)
             name = f"{method}, {model}"

@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
 from delta_calibration.effects import Effect, Stage
+from delta_calibration.effects.time_course import HOUR
 from delta_calibration.geometry import Frame
+from delta_calibration.lazy import cached_property
 from delta_calibration.region import Region
 from delta_calibration.robot import Robot
 from delta_calibration.uncertainty import Identified, Uncertainty
 
 Array = NDArray[np.float64]
+
+_MOVED = {Stage.BASE: "base", Stage.REFLECTOR: "reflector or the tool"}
 
 
 @dataclass(frozen=True)
@@ -34,13 +38,20 @@ class Calibration:
     held_out: float = np.nan
     uncertainty: Uncertainty | None = None  # None: not in the file
     measured: str = ""  # `Poses.digest` of the poses that were fitted; empty: not in the file
+    # [s] last pose, on the clock of effects that are bound to the session; None: not in the file
+    ended: float | None = None
 
     @property
     def identified(self) -> Identified | None:
         """Chain, theta and covariance, for position uncertainties; None if not in the file."""
         if self.uncertainty is None:
             return None
-        return Identified(self.chain, self.theta, self.uncertainty)
+        return Identified(self.chain, self.theta, self.uncertainty, self.ended)
+
+    @cached_property
+    def present(self) -> Chain:
+        """The chain as the session left the machine: effects by the clock are held at its end."""
+        return self.chain if self.ended is None else self.chain.held(self.ended)
 
     @property
     def geometry(self) -> Array:
@@ -51,13 +62,14 @@ class Calibration:
     def live(self) -> tuple[tuple[Effect, Array], ...]:
         """Effects that are compensated, with their values: those of drives and structure.
 
-        They act before the pose and do not depend on the time within one session.
+        They act before the pose. Effects by the clock are those at the session's end: a joint that
+        slipped stays where it is, and a machine that warmed up is warm. Cycles are left out.
         """
         values = self.chain.effect_values(self.theta)
         return tuple(
             (effect, value)
             for effect, value in zip(self.chain.effects, values, strict=True)
-            if not effect.on_readings and not effect.bound_to_session
+            if not effect.on_readings and effect.outlasts(self.ended)
         )
 
     @property
@@ -67,20 +79,41 @@ class Calibration:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Causes that were identified but cannot be compensated; see `why_left_out`."""
-        effects = self.chain.effects
-        each = (e.cause for e in effects if e.bound_to_session or e.stage is Stage.BASE)
-        return tuple(dict.fromkeys(each))
+        """Causes that were identified but are not compensated; see `why_left_out`."""
+        return tuple(dict.fromkeys(effect.cause for effect in self._left_out))
+
+    @property
+    def _left_out(self) -> tuple[Effect, ...]:
+        """Effects of the machine that are not compensated."""
+        effects = (e for e in self.chain.effects if e.stage is not Stage.MEASUREMENT)
+        return tuple(e for e in effects if e.on_readings or not e.outlasts(self.ended))
 
     def why_left_out(self, cause: str) -> str:
         """Reason why an identified cause is not compensated, as the end of a sentence."""
-        effect = next(e for e in self.chain.effects if e.cause == cause)
-        if effect.bound_to_session:
+        effect = next(e for e in self._left_out if e.cause == cause)
+        if effect.on_readings:
+            return f"it moves the {_MOVED[effect.stage]}, not the joints"
+        if effect.lasting:
             return (
-                "it depends on the time since the start of a session; what it has changed since "
-                "is in neither the commands nor u95: measure again"
+                "it goes by the clock of a session, and the file does not say when that ended: "
+                "fit again"
             )
-        return "it moves the base, not the joints"
+        return (
+            "it goes up and down by the clock, after the session as well; it is in neither the "
+            "commands nor u95"
+        )
+
+    @property
+    def as_it_ended(self) -> str:
+        """Sentence on effects by the clock in the commands; empty if there are none."""
+        causes = dict.fromkeys(e.cause for e, _ in self.live if e.bound_to_session)
+        if not causes or self.ended is None:
+            return ""
+        return (
+            f"{', '.join(causes)}: compensated as at the end of the session, "
+            f"{self.ended / HOUR:.2g} h after its start; what changed since is in neither the "
+            "commands nor u95"
+        )
 
     @property
     def frame(self) -> Frame:

@@ -45,6 +45,7 @@ def from_identification(found: Identification, robot: Robot, poses: Poses) -> Ca
         found.full.held_out,
         found.uncertainty,
         poses.digest,
+        _ended(found, poses),
     )
 
 
@@ -156,6 +157,7 @@ def calibration_of(data: Mapping[str, Any], robot: Robot, source: str) -> Calibr
         seal=data[_SEAL],
         uncertainty=_uncertainty(source, data, parameters.prior, rows),
         measured=data["provenance"].get("measured_sha256", ""),
+        ended=data["provenance"].get("session_end_s"),
     )
 
 
@@ -376,11 +378,13 @@ def _content(found: Identification, robot: Robot, poses: Poses) -> dict[str, Any
 def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
     effort = found.effort
     counted = {} if effort.evaluations is None else {"evaluations": effort.evaluations}
+    ended = _ended(found, poses)
     start = datetime.fromtimestamp(poses.start_ns * 1e-9, tz=timezone.utc)
     return {
         "package_version": __version__,
         "session": Path(poses.source).name,
         "session_start": start.isoformat(timespec="seconds"),
+        **({} if ended is None else {"session_end_s": ended}),
         "method": effort.method,
         **counted,
         **effort.settings,
@@ -391,6 +395,12 @@ def _provenance(found: Identification, poses: Poses) -> Mapping[str, Any]:
         "rejected": poses.rejected.counts(),
         "notes": list(poses.notes),
     }
+
+
+def _ended(found: Identification, poses: Poses) -> float | None:
+    """Last pose [s] on the clock of effects that are bound to the session; None without any."""
+    bound = any(effect.bound_to_session for effect in found.chain.effects)
+    return float(poses.time.max()) if bound else None
 
 
 def _residuals(residuals: Residuals) -> dict[str, float]:

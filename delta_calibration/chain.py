@@ -54,13 +54,15 @@ class Chain:
     """Model of the measurement: mechanism, reflector on its platform, tracker, and effects.
 
     `offset` (3,) [m] is the reflector's nominal position in the platform's frame, `offset_prior`
-    [m] the standard deviation of each of its coordinates before a fit.
+    [m] the standard deviation of each of its coordinates before a fit. Effects by the clock are
+    those of `moment` [s] since the start of their session; None: of each sample's own time.
     """
 
     mechanism: Mechanism
     offset: Array
     offset_prior: float
     effects: tuple[Effect, ...] = ()
+    moment: float | None = None
 
     @property
     def parameters(self) -> ParameterSet:
@@ -90,6 +92,16 @@ class Chain:
         """The same chain with these effects instead of its own."""
         return replace(self, effects=effects)
 
+    def held(self, moment: float | None) -> Chain:
+        """The same chain, its effects by the clock as they were at a moment [s]."""
+        return replace(self, moment=moment)
+
+    def recorded(self, at: Conditions) -> Signals:
+        """Recorded signals of samples, at the chain's moment if it is held at one."""
+        if self.moment is not None:
+            at = replace(at, time=np.full(len(at), self.moment))
+        return recorded(self.mechanism, at)
+
     def split(self, theta: Array) -> tuple[Array, Array, Frame]:
         """Geometry (p,), reflector offset (3,) [m], frame `T_tracker_base`."""
         layout = self.layout
@@ -107,7 +119,7 @@ class Chain:
 
     def predictor(self, at: Conditions) -> Predictor:
         """Prepare to predict these samples for several vectors theta."""
-        return Predictor(self, at, recorded(self.mechanism, at))
+        return Predictor(self, at, self.recorded(at))
 
     def see(
         self, at: Conditions, theta: Array, guess: Array | None = None, asked: Asked = "readings"
@@ -190,7 +202,7 @@ class Chain:
             places: layout of the signals that the effects take.
 
         Returns:
-            Those of drives, structure and base (model/stand.py), and those of the measurement.
+            Those of all stages before the reading (model/stand.py), and those of the reading.
         """
         if places not in self._compiled:
             each = tuple(self.layout.each)

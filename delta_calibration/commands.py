@@ -18,6 +18,7 @@ from delta_calibration.compensation import CommandStatus, Compensated, JointComp
 from delta_calibration.data import Conditions, at_rest, motion_of
 from delta_calibration.effects.catalogue import catalogue
 from delta_calibration.errors import InputError, ReachError
+from delta_calibration.geometry import rotations
 from delta_calibration.plans.target_file import targets_of
 from delta_calibration.robot import Robot
 from delta_calibration.tables import Row
@@ -28,6 +29,7 @@ Watch = Callable[[Sequence[NDArray[np.intp]]], Iterable[NDArray[np.intp]]]
 
 BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
 _BATCH = 64  # commands computed together, at least (if there are as many)
+_AROUND = 200  # commands over the measured joints that show how the whole machine lies
 # 95 % quantile over RMS of the length of a vector of three independent normal numbers of equal
 # variance (chi with three degrees of freedom, 2.795 / sqrt 3).
 _COVERS = 1.614
@@ -86,7 +88,7 @@ class Commands:
 
         It covers the parameters' covariance, the joints' repeatability and the model discrepancy
         at places that were not measured (`uncertainty.py`), plus the whole predicted error that
-        remains where a correction fades out.
+        remains where a correction fades out, and in directions that no joint commands.
         """
         u95 = np.full(len(self.rows), np.nan)
         if self.found is not None:
@@ -126,18 +128,19 @@ def commands_for(
     if not reached.size:
         return Commands(rows, nominal, None, reached, np.zeros(0))
     found = found_for(compensator, nominal[reached], payload, warm, calibration_file, watched)
-    radius = _radius(calibration, found, payload, warm, say)
+    radius = _radius(compensator, found, payload, warm, say)
     return Commands(rows, nominal, found, reached, radius)
 
 
 def _radius(
-    calibration: Calibration,
+    compensator: JointCompensator,
     found: Compensated,
     payload: float | None,
     warm: dict[str, float],
     say: Say,
 ) -> Array:
     """Radius about the targets that holds 95 % of the corrected positions, (k,) [m]."""
+    calibration = compensator.calibration
     identified = calibration.identified
     if identified is None:
         say(
@@ -146,7 +149,42 @@ def _radius(
         )
         return np.full(len(found.joint), _COVERS * calibration.held_out)
     at = _conditions(found.joint, payload, warm, calibration.robot.commanded.joint_size)
-    return identified.radius(at)
+    return identified.radius(at) + _uncommanded(compensator, found, at)
+
+
+def _uncommanded(compensator: JointCompensator, found: Compensated, at: Conditions) -> Array:
+    """Predicted error of corrected commands in directions that no joint commands, (n,) [m].
+
+    A SCARA whose axes are not parallel rises and falls over its region: its joints cannot correct
+    that. A motion of the whole machine, as the tracker's frame has it, is no error.
+    """
+    calibration = compensator.calibration
+    freedoms, joints = calibration.robot.commanded.freedoms, found.joint.shape[1]
+    free = [axis for axis in range(3) if axis not in freedoms]
+    if not free:
+        return np.zeros(len(at))
+    lower, upper = calibration.joints_lower, calibration.joints_upper
+    q = np.random.default_rng(0).uniform(lower, upper, (_AROUND, joints))
+    around = replace(at.take(np.zeros(_AROUND, dtype=np.intp)), joint=q)
+    there = compensator.compensate(q, around)
+    good = np.array([verdict is CommandStatus.CORRECTED for verdict in there.verdicts])
+    missed, moved = _missed(calibration, there, around)
+    known = good & np.isfinite(missed).all(axis=1)
+    rows = moved[known][:, free].reshape(-1, 6)
+    whole = np.linalg.lstsq(rows, missed[known][:, free].reshape(-1), rcond=None)[0]
+    missed, moved = _missed(calibration, found, at)
+    return np.asarray(np.linalg.norm((missed - moved @ whole)[:, free], axis=1))
+
+
+def _missed(calibration: Calibration, found: Compensated, at: Conditions) -> tuple[Array, Array]:
+    """Errors of commands in the base (n, 3) [m], and those by a motion of the base (n, 3, 6)."""
+    drawn, tool = calibration.robot.commanded, calibration.robot.tool_offset
+    nominal = drawn.forward(found.joint - found.correction, drawn.parameters.nominal)
+    meant, chain = drawn.points(nominal, tool), calibration.present
+    pose = chain.pose(replace(at, joint=found.joint), calibration.theta)
+    shifts = np.broadcast_to(np.eye(3), (len(meant), 3, 3))
+    moved = np.concatenate([shifts, -rotations.skew(meant)], axis=2)
+    return chain.point(pose, tool) - meant, moved
 
 
 def found_for(

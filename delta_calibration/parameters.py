@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
 
@@ -105,18 +105,3 @@ class ParameterSet:
         if name not in self._rows:
             raise InputError(f"no parameter {name!r}; there are: {', '.join(self.names)}")
         return self._rows[name]
-
-    def values(self, vector: Array) -> dict[str, float]:
-        """The vector as a dictionary, name -> value, for output and files."""
-        return {item.name: float(value) for item, value in zip(self.items, vector, strict=True)}
-
-    def vector(self, values: Iterable[tuple[str, float]]) -> Array:
-        """Vector of the nominal values, with the given values replaced.
-
-        Raises:
-            InputError: a name that is not in this set.
-        """
-        vector = self.nominal
-        for name, value in values:
-            vector[self.row(name)] = value
-        return vector

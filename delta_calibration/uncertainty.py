@@ -123,20 +123,26 @@ class Identified:
     chain: Chain
     theta: Array  # (P,)
     uncertainty: Uncertainty
+    ended: float | None = None  # [s] end of the session on its clock; None: not known
 
     @cached_property
     def machine(self) -> Identified:
-        """The same without effects on the readings and effects bound to one session's clock.
+        """The machine after the session: the same without the effects on the readings.
 
         The uncertainty of such an effect does not matter for a position; that it was identified
         together with the dimensions is already in the covariance of the dimensions.
         """
-        return self._with(lambda effect: not effect.on_readings and not effect.bound_to_session)
+        return self._after(lambda effect: not effect.on_readings)
 
     @property
     def later(self) -> Identified:
-        """The same without effects bound to one session's clock, as another session meets it."""
-        return self._with(lambda effect: not effect.bound_to_session)
+        """The same as another session meets it: effects by the clock as at this one's end."""
+        return self._after(lambda effect: True)
+
+    def _after(self, kept_of: Callable[[Effect], bool]) -> Identified:
+        """The same after the session, with those of its effects that a function accepts."""
+        left = self._with(lambda effect: kept_of(effect) and effect.outlasts(self.ended))
+        return replace(left, chain=left.chain.held(self.ended))
 
     def _with(self, kept_of: Callable[[Effect], bool]) -> Identified:
         """The same with those of its effects that a function accepts."""
@@ -148,7 +154,10 @@ class Identified:
         )
         own = replace(self.uncertainty, covariance=self.uncertainty.covariance[np.ix_(rows, rows)])
         return Identified(
-            chain.with_effects(tuple(chain.effects[k] for k in kept)), self.theta[rows], own
+            chain.with_effects(tuple(chain.effects[k] for k in kept)),
+            self.theta[rows],
+            own,
+            self.ended,
         )
 
     def parts(self, at: Conditions) -> Parts:

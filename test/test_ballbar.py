@@ -94,7 +94,8 @@ def test_slopes_are_those_of_the_length() -> None:
     offset, frame = np.array([0.01, -0.02, 0.03]), Frame(np.eye(3), np.array([0.1, 0.05, 0.6]))
     machine = PlacedMachine.of(robot.detailed, robot.detailed.parameters.nominal, frame)
     bar = RadiusMeasured(joint, np.full(2, 0.3), offset, 1e-6)
-    point = machine.chain.point(machine.poses(joint), offset) + frame.translation
+    x = machine.chain.mechanism.forward(joint, machine.geometry)
+    point = machine.chain.point(x, offset) + frame.translation
     np.testing.assert_allclose(bar.missed(machine)[:, 0], 0.3 - np.linalg.norm(point, axis=1))
     slope = bar.slopes(machine)
     turn = machine.chain.layout.turn

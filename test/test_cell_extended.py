@@ -153,15 +153,30 @@ def test_growth_is_corrected_by_a_sensor_that_is_heard(fitted: Any, tmp_path: Pa
     np.testing.assert_array_equal(bench.give(Q), 0.0)
 
 
-def test_what_goes_by_a_sessions_clock_is_said_to_be_left_out(fitted: Any, tmp_path: Path) -> None:
-    effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-4)}
+def test_a_cycle_by_a_sessions_clock_is_said_to_be_left_out(fitted: Any, tmp_path: Path) -> None:
+    cycle: dict[str, object] = {"period": 900.0}
+    effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": (cycle, 1e-4)}
     desk = Bench(fitted, tmp_path, effects).desk
     values = desk.health(0.0, 1.0).values
     assert values["effects compensated"] == "backlash"
     left = "joint_zero_drift: found in the session but not compensated"
     assert str(values["effects left out"]).startswith(left)
     assert left in desk.reload(str(tmp_path / "extended.yaml"))
+    assert values["effects by the clock"] == ""
     plain = Bench(fitted, tmp_path, {}).desk
     assert plain.left_out == ""
     assert plain.health(0.0, 1.0).values["effects compensated"] == ""
     assert plain.health(0.0, 1.0).level is Level.OK
+
+
+def test_a_slip_by_a_sessions_clock_is_corrected_as_at_its_end(
+    fitted: Any, tmp_path: Path
+) -> None:
+    slip: dict[str, object] = {"step_at": 1.0}
+    bench = Bench(fitted, tmp_path, {"joint_zero_drift": (slip, 1e-3)})
+    values = bench.desk.health(0.0, 1.0).values
+    assert (values["effects compensated"], values["effects left out"]) == ("joint_zero_drift", "")
+    told = "joint_zero_drift: compensated as at the end of the session"
+    assert str(values["effects by the clock"]).startswith(told)
+    plain = Bench(fitted, tmp_path, {})
+    np.testing.assert_allclose(bench.give(Q) - plain.give(Q), -1e-3, atol=1e-5)

@@ -109,7 +109,9 @@ def test_theta_is_geometry_offset_frame():
 def test_out_of_reach_is_nan_in_its_row_alone():
     """Rods of 400 mm do not span the 465 mm from axis to elbow with the arms level."""
     c = chain("six_rod_delta")
-    short = c.mechanism.parameters.vector([(f"rod_{leg}", 0.4) for leg in (1, 2, 3)])
+    parameters = c.mechanism.parameters
+    short = parameters.nominal
+    short[[parameters.row(f"rod_{leg}") for leg in (1, 2, 3)]] = 0.4
     theta = c.join(short, np.zeros(3), Frame.identity())
     q = np.array([[1.2, 1.2, 1.2], [0.0, 0.0, 0.0], [1.3, 1.2, 1.25]])
     assert np.isfinite(c.predict(at_rest(q), theta)).all(axis=1).tolist() == [True, False, True]
@@ -153,7 +155,8 @@ def test_a_reflector_offset_turns_with_a_platform_that_tilts():
     """Unequal rods tilt by about d l / 2 c: 60 mm off, some micrometres per tenth of a mrad."""
     rng = np.random.default_rng(8)
     c, q = chain("six_rod_delta"), workspace(12, rng)
-    g = c.mechanism.parameters.vector([("rod_mismatch_1", 1e-4)])
+    g = c.mechanism.parameters.nominal
+    g[c.mechanism.parameters.row("rod_mismatch_1")] = 1e-4
     offset = np.array([0.0, 0.06, 0.0])
     with_it, without = (
         c.predict(at_rest(q), theta)

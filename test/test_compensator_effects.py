@@ -21,6 +21,7 @@ from delta_calibration.chain import Chain
 from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
 from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Effect, Stage, effect_named
+from delta_calibration.effects.base import Setting
 from delta_calibration.effects.signals import POSE
 from delta_calibration.geometry import Frame
 from delta_calibration.model.symbols import tanh
@@ -292,27 +293,58 @@ def test_without_a_condition_that_the_model_needs_nothing_is_corrected(
     assert compensator.compensate(Q, at).missing == ""
 
 
-@pytest.mark.parametrize(
-    ("cause", "settings"),
-    [
-        ("joint_zero_drift", {}),
-        ("joint_zero_drift", {"step_at": 100.0}),
-        ("thermal_growth_arm", {"time_constant": 2400.0}),
-        ("unexplained", {"family": "time"}),
-    ],
-)
-def test_what_went_by_a_sessions_clock_is_left_out_and_said(
-    cause: str, settings: dict[str, object]
-) -> None:
+def drifting(cause: str, settings: Mapping[str, Setting], ended: float | None) -> Calibration:
+    """A calibration with an effect by the clock of its session, which ended then [s]."""
     made = calibration()
     effect = effect_named(cause, ROBOT, made.chain.mechanism, settings)
     theta = np.concatenate([made.theta, np.full(len(effect.parameters), 1e-3)])
-    drifted = replace(made, chain=made.chain.with_effects((effect,)), theta=theta)
-    assert drifted.left_out == (cause,)
-    assert drifted.live == ()
+    chain = made.chain.with_effects((effect,))
+    return replace(made, chain=chain, theta=theta, ended=ended)
+
+
+BY_THE_CLOCK: list[tuple[str, dict[str, Setting]]] = [
+    ("joint_zero_drift", {}),
+    ("joint_zero_drift", {"step_at": 100.0}),
+    ("thermal_growth_arm", {"time_constant": 2400.0}),
+]
+
+
+@pytest.mark.parametrize(("cause", "settings"), BY_THE_CLOCK)
+def test_what_went_by_a_sessions_clock_is_corrected_as_it_was_at_its_end(
+    cause: str, settings: dict[str, Setting]
+) -> None:
+    drifted = drifting(cause, settings, ended=5400.0)
+    assert (drifted.live_causes, drifted.left_out) == ((cause,), ())
+    assert drifted.as_it_ended.startswith(
+        f"{cause}: compensated as at the end of the session, 1.5 h"
+    )
+    aim = compensated(calibration(), conditions(Q)).joint  # where the machine was at its start
+    for clock in (0.0, 9e4):  # of another session: it means nothing
+        done = compensated(drifted, replace(conditions(Q), time=np.full(len(Q), clock)))
+        assert set(done.verdicts) == {CommandStatus.CORRECTED}
+        then = replace(conditions(Q), time=np.full(len(Q), 5400.0))
+        assert np.abs(missed(drifted, then, done.joint)).max() < 1e-8
+        assert np.abs(done.joint - aim).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("cause", "settings", "ended", "why"),
+    [
+        *((*each, None, "the file does not say when that ended") for each in BY_THE_CLOCK),
+        ("joint_zero_drift", {"period": 900.0}, 5400.0, "it goes up and down by the clock"),
+        ("thermal_growth_arm", {"period": 900.0}, 5400.0, "it goes up and down by the clock"),
+    ],
+)
+def test_what_goes_on_by_the_clock_is_left_out_and_said(
+    cause: str, settings: dict[str, Setting], ended: float | None, why: str
+) -> None:
+    drifted = drifting(cause, settings, ended)
+    assert (drifted.live, drifted.left_out) == ((), (cause,))
+    assert why in drifted.why_left_out(cause)
+    assert not drifted.as_it_ended
     at = replace(conditions(Q), time=np.full(len(Q), 7200.0))
     np.testing.assert_array_equal(
-        JointCompensator(drifted).compensate(Q, at).joint, compensated(made, at).joint
+        compensated(drifted, at).joint, compensated(calibration(), at).joint
     )
 
 

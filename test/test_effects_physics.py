@@ -493,8 +493,9 @@ def test_a_machine_of_one_metal_only_grows_larger(celsius: float) -> None:
     parts, share = ("base", "forearm", "arm"), 23e-6 * (celsius - 20.0)
     at = replace(at_rest(Q), temperature_parts=parts, temperature=np.full((len(Q), 3), celsius))
     each = [effect(f"thermal_growth_{part}", sensor=part) for part in parts]
-    platform = [(f"platform_radial_{leg}", PLATFORM * (1 + share)) for leg in (1, 2, 3)]
-    geometry = ROBOT.model().parameters.vector(platform)
+    parameters = ROBOT.model().parameters
+    geometry, platform = parameters.nominal, [f"platform_radial_{leg}" for leg in (1, 2, 3)]
+    geometry[[parameters.row(name) for name in platform]] = PLATFORM * (1 + share)
     moved = predicted(each, [23e-6] * 3, at, geometry=geometry)
     np.testing.assert_allclose(moved, (1 + share) * MACHINE.point(Q), atol=1e-13)
 

@@ -9,11 +9,12 @@ import pytest
 
 from delta_calibration.data import at_rest
 from delta_calibration.errors import DataError
-from delta_calibration.estimation import chain_of
+from delta_calibration.estimation import chain_of, solver
 from delta_calibration.estimation import problem as module
 from delta_calibration.estimation.fit import prepare
 from delta_calibration.estimation.normal_equations import products
-from delta_calibration.estimation.problem import Near, _Loss, solve
+from delta_calibration.estimation.problem import Near
+from delta_calibration.estimation.solver import _Loss, solve
 from identification_bench import ROBOT, errors, found, rms
 from six_rods import Cell, SixRods, workspace
 
@@ -79,13 +80,13 @@ def test_where_the_search_rests_does_not_depend_on_where_it_starts(problem):
 def test_a_search_ends_at_a_minimum_that_is_known(problem):
     """It does not descend once more to where another search has been; elsewhere it goes on."""
     loss = _Loss(4.0)
-    begin = module._state(problem, away(problem, np.random.default_rng(4)), loss, None)
-    there = module._search(problem, loss, begin, module.SETTLED)
-    again = module._search(problem, loss, begin, module.SETTLED, [there])
+    begin = solver._state(problem, away(problem, np.random.default_rng(4)), loss, None)
+    there = solver._search(problem, loss, begin, solver.SETTLED)
+    again = solver._search(problem, loss, begin, solver.SETTLED, [there])
     assert again.cost == there.cost
     assert again.evaluations < there.evaluations
     far = replace(there, z=there.z + 3.0)  # as if the known minimum were another one
-    apart = module._search(problem, loss, begin, module.SETTLED, [far])
+    apart = solver._search(problem, loss, begin, solver.SETTLED, [far])
     assert apart.cost == there.cost
     assert apart.evaluations == there.evaluations
 

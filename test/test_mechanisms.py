@@ -187,7 +187,8 @@ def test_six_equal_rods_are_three_spheres():
 def test_unequal_rods_tilt_by_mismatch_over_width():
     """A pair of rods that differ by m over a width b tilts the platform by about m / b."""
     six = SixRodDelta(SRBD, TOLERANCES)
-    g = six.parameters.vector([("rod_mismatch_1", 0.1e-3)])
+    g = six.parameters.nominal
+    g[six.parameters.row("rod_mismatch_1")] = 0.1e-3
     x = six.forward(np.zeros((1, 3)), g)
     tilt = np.linalg.norm(x[0, 3:])
     assert 0.5e-3 < tilt < 2.5e-3

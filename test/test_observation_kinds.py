@@ -136,7 +136,8 @@ def test_an_image_alone_has_no_scale():
     assert {"length_2", "tool_x", "device_place_z"} <= set(alone.unset)
     assert np.isinf(alone.std[alone.names.index("length_2")])
     other = rng.uniform(-1.4, 1.4, (80, 2))
-    apart = np.linalg.norm(machine.poses(other)[:, :3] - machine.poses(q)[:, :3], axis=1)
+    x, y = (machine.chain.mechanism.forward(each, machine.geometry) for each in (q, other))
+    apart = np.linalg.norm((y - x)[:, :3], axis=1)
     both = fit_observations(
         SCARA, [image, DistanceBetween(q, other, apart, 1e-5)], drawn.frame, priors=False
     )
@@ -185,7 +186,8 @@ def test_closing_slopes_by_complex_step():
     assert held.redundancy == 2
     assert np.abs(held.missed(machine)).max() < 1e-9
     slopes = held.slopes(machine)
-    x, g = machine.poses(q), machine.geometry
+    g = machine.geometry
+    x = machine.chain.mechanism.forward(q, g)
     closure = partial(BY_HAND["cable_robot"], robot)
     for k in range(len(q)):
         row = slice(k, k + 1)

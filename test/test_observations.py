@@ -63,7 +63,7 @@ def measured(machine, low, high, n, rng, noise=0.0):
         return rng.uniform(low, high, (n, machine.chain.mechanism.joints))
 
     q, other = joints(), joints()
-    x, y = machine.poses(q), machine.poses(other)
+    x, y = (machine.chain.mechanism.forward(each, machine.geometry) for each in (q, other))
     centre, there = machine.chain.mechanism.position(x), machine.chain.mechanism.position(y)
     rotation = machine.frame.rotation @ machine.chain.mechanism.rotation(x)
     point = centre @ machine.frame.rotation.T + machine.frame.translation + rotation @ OFFSET
@@ -133,7 +133,7 @@ def test_heights_and_distances_set_a_printer_up_to_its_gauge():
     assert fit.observability.rank == 9
     assert [r.parameter for r in fit.observability.redundancies] == ["tower_angle_3"]
     q = rng.uniform(0.3, 0.42, (50, 3))
-    fresh, true = fit.machine.poses(q), machine.poses(q)
+    fresh, true = (PRINTER.forward(q, each.geometry) for each in (fit.machine, machine))
     np.testing.assert_allclose(fresh[:, 2], true[:, 2], atol=30e-6)
     apart = np.linalg.norm(np.diff(fresh, axis=0), axis=1)
     np.testing.assert_allclose(apart, np.linalg.norm(np.diff(true, axis=0), axis=1), atol=60e-6)

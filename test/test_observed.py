@@ -141,7 +141,7 @@ def test_what_a_free_pose_spares_is_all_that_is_missed():
     _, alone = (m.observation for m in hung(BUILD_UP, np.random.default_rng(4)))
     g = HUNG.parameters.nominal
     machine = PlacedMachine.of(HUNG, g, Frame.identity())
-    x = machine.poses(alone.joint)
+    x = machine.chain.mechanism.forward(alone.joint, machine.geometry)
     f = HUNG.closure(alone.joint, x, g)
     missed = alone.missed(machine)
     np.testing.assert_allclose(np.abs(missed[:, 0]), np.linalg.norm(f, axis=1), rtol=1e-6)

@@ -22,21 +22,15 @@ def test_vector_order_is_the_order_given():
     assert len(both) == 3
 
 
-def test_values_and_vector_undo_each_other():
+def test_nominal_and_prior_are_copies():
     both = ParameterSet((ARM, ZERO))
-    vector = both.vector([("zero_1", 1e-3)])
-    np.testing.assert_array_equal(vector, [0.32, 1e-3])
-    np.testing.assert_array_equal(both.vector(both.values(vector).items()), vector)
-    np.testing.assert_array_equal(both.nominal, [0.32, 0])  # unchanged by the vector above
+    both.nominal[1], both.prior[1] = 1e-3, 1e-3
+    np.testing.assert_array_equal(both.nominal, [0.32, 0])
+    np.testing.assert_array_equal(both.prior, [1e-4, 8e-4])
 
 
 def test_names_must_be_unique_and_known():
     with pytest.raises(InputError, match="found twice: arm_1"):
         ParameterSet((ARM, ZERO)) + ParameterSet((ARM,))
     with pytest.raises(InputError, match="no parameter 'arm_9'; there are: arm_1, zero_1"):
-        ParameterSet((ARM, ZERO)).vector([("arm_9", 0.0)])
-
-
-def test_values_need_one_number_a_parameter():
-    with pytest.raises(ValueError, match="shorter"):
-        ParameterSet((ARM, ZERO)).values(np.zeros(1))
+        ParameterSet((ARM, ZERO)).row("arm_9")

@@ -12,7 +12,7 @@ from delta_calibration.data import survey
 from delta_calibration.diagnosis import calibrated, diagnose
 from delta_calibration.effects import effect_named
 from delta_calibration.errors import DataError
-from delta_calibration.estimation import fit
+from delta_calibration.estimation import same_robot
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
@@ -54,7 +54,7 @@ def test_a_push_of_ten_millimetres_is_found_whole():
 
 def test_the_whole_session_in_one_frame_would_be_another_robot(monkeypatch):
     session, _ = pushed()
-    monkeypatch.setattr(fit, "_fits_in_parts", lambda *_: False)
+    monkeypatch.setattr(same_robot, "_fits_in_parts", lambda *_: False)
     with pytest.raises(DataError, match="is it the session of another robot"):
         calibrated(survey(session, ROBOT.joints.names, ROBOT.commanded.joint_size), ROBOT)
 

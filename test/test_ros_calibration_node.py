@@ -325,7 +325,8 @@ def come(cell: Cell, begin: np.ndarray, stamp_ns: int) -> np.ndarray:
 def test_a_play_in_the_calibration_is_corrected_by_the_way_the_joints_came(
     bench: Bench, desk: CalibrationSession, tmp_path: Path
 ) -> None:
-    effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": ({}, 1e-3)}
+    cycle: dict[str, object] = {"period": 900.0}
+    effects: Effects = {"backlash": ({}, GAP), "joint_zero_drift": (cycle, 1e-3)}
     cell = Cell(bench, calibration=extended(desk, tmp_path, effects), ramp_s=0.0)
     assert cell.value("effects compensated") == "backlash"
     assert cell.value("effects left out").startswith(

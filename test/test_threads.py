@@ -14,7 +14,7 @@ from delta_calibration.data import survey
 from delta_calibration.diagnosis import diagnose
 from delta_calibration.estimation import PointMeasured, chain_of
 from delta_calibration.estimation.fit import prepare
-from delta_calibration.estimation.problem import solve
+from delta_calibration.estimation.solver import solve
 from delta_calibration.plans import make_plan
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session

@@ -427,6 +427,7 @@ class CalibrationSession:
             if calibration is None
             else ", ".join(calibration.live_causes),
             "effects left out": self.left_out,
+            "effects by the clock": "" if calibration is None else calibration.as_it_ended,
             "error left of the last poses fitted [mm]": fitted.last_errors() if fitted else "",
             f"correction [{self.robot.joints.unit}]": f"{self.path.applied:.3e}",
             "command slowest [ms]": f"{self.watch.slowest_s * 1e3:.1f}",

@@ -22,7 +22,8 @@ from delta_calibration.cell.wire_kernel import (
     seconds,
     write_all,
 )
-from delta_calibration.compensation.command_kernel import PASSED, SHARE, Single, commanded
+from delta_calibration.compensation.command_kernel import Single, commanded
+from delta_calibration.compensation.command_status import PASSED, SHARE
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import copy_into
 

@@ -118,7 +118,7 @@ class Vigil:
             size: deviation [m or rad].
         """
         about = self._about
-        names = about.calibration.chain.parameters.names
+        names = about.calibration.present.parameters.names
         row = int(np.flatnonzero(about.own == names.index(name))[0])
         _, information = self._windows[-1].shift()
         return float((size / about.scale[row]) ** 2 * information[row, row])
@@ -149,7 +149,7 @@ class _About:
     def of(cls, calibration: Calibration) -> _About:
         """Prepare a calibration that contains its uncertainty."""
         assert calibration.uncertainty is not None
-        chain = calibration.chain
+        chain = calibration.present
         own = carried_rows(chain.layout)
         items = [chain.parameters.items[row] for row in own]
         scale = np.array([item.prior for item in items])
@@ -173,7 +173,7 @@ class _About:
 
     def foreseen(self, poses: Poses) -> NDArray[np.bool_]:
         """Whether the calibration can predict each pose, (n,); not if a needed load is unknown."""
-        seen = self.calibration.chain.see(poses.conditions, self.calibration.theta)
+        seen = self.calibration.present.see(poses.conditions, self.calibration.theta)
         return np.asarray(
             np.isfinite(seen.reading).all(axis=1) & np.isfinite(seen.jacobian).all(axis=(1, 2))
         )

@@ -165,6 +165,8 @@ def command(
         tell_of_blended(commands.found, targets, out, commands.reached)
     for cause in calibration.left_out:
         click.echo(f"not compensated: {cause}: {calibration.why_left_out(cause)}")
+    if calibration.as_it_ended:
+        click.echo(calibration.as_it_ended)
     click.echo(f"written: {out} ({_summary(commands, compensator)})")
     _tell_of_uncorrected(commands, targets, calibration.region, written=True)
 

@@ -108,6 +108,8 @@ def command(
                 f"not compensated: {cause}: {calibration.why_left_out(cause)}",
                 err=True,
             )
+        if calibration.as_it_ended:
+            click.echo(calibration.as_it_ended, err=True)
     click.echo(f"written: {out}" + (f" and {out.with_suffix('.h')}" if form == "c" else ""))
 
 

@@ -1,6 +1,6 @@
 """Compensation: joint commands that correct the errors of an identified machine."""
 
-from delta_calibration.compensation.apso import Apso, ApsoSettings, ApsoStep
+from delta_calibration.compensation.apso import Apso, ApsoSettings
 from delta_calibration.compensation.base import Compensator, Correction
 from delta_calibration.compensation.command_status import CommandStatus, Compensated
 from delta_calibration.compensation.compensator import JointCompensator, SingleWay
@@ -26,7 +26,6 @@ __all__ = [
     "TABLE",
     "Apso",
     "ApsoSettings",
-    "ApsoStep",
     "CommandStatus",
     "Compensated",
     "Compensator",

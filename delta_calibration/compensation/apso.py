@@ -25,7 +25,6 @@ This is the readable reference, for any mechanism; `Swarm` is the same algorithm
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,7 +32,6 @@ import numpy as np
 from delta_calibration.compensation.base import (
     Array,
     Correction,
-    Counts,
     Flags,
     PointFunction,
     checked_commands,
@@ -81,20 +79,6 @@ class ApsoSettings:
                 raise InputError(f"{name} is {pull}; it has to be finite and not below 0")
 
 
-@dataclass(frozen=True)
-class ApsoStep:
-    """State of the swarms of unfinished targets after one evaluation; for plots and reports."""
-
-    iteration: int
-    rows: Counts  # (k,) the targets' rows in the call
-    error: Array  # (k,) [m] distance of the best so far
-    entropy: Array  # (k,) E in [0, 1]
-    inertia: Array  # (k,) w
-
-
-Watcher = Callable[[ApsoStep], None]
-
-
 def swarm_entropy(x: Array, bound: float) -> Array:
     """Return E (n,) of each swarm along the diagonal of its box: (11)-(13) divided by ln m.
 
@@ -138,13 +122,12 @@ class Apso:
     point: PointFunction
     settings: ApsoSettings = field(default_factory=ApsoSettings)
 
-    def correct(self, q: Array, target: Array, watch: Watcher | None = None) -> Correction:
+    def correct(self, q: Array, target: Array) -> Correction:
         """Search the correction of every command.
 
         Args:
             q: Nominal commands (n, m) [rad].
             target: Tool points they are meant to reach (n, 3) [m].
-            watch: Called after each evaluation of the swarms, with a block of targets at a time.
 
         Raises:
             InputError: if the shapes do not match.
@@ -152,11 +135,11 @@ class Apso:
         q, target, usable = checked_commands(q, target)
         rows = np.flatnonzero(usable)
         blocks = [rows[first : first + _BLOCK] for first in range(0, len(rows), _BLOCK)]
-        found = [self._search(q[block], target[block], block, watch) for block in blocks]
+        found = [self._search(q[block], target[block]) for block in blocks]
         return joined(found, q.shape[1]).spread(usable)
 
-    def _search(self, q: Array, target: Array, rows: Counts, watch: Watcher | None) -> Correction:
-        """Search finite targets side by side; `rows` are their row numbers for the watcher."""
+    def _search(self, q: Array, target: Array) -> Correction:
+        """Search finite targets side by side."""
         s = self.settings
         n, m = q.shape
         dq, error, evaluations = np.zeros((n, m)), np.full(n, np.inf), np.zeros(n, dtype=np.int64)
@@ -166,16 +149,12 @@ class Apso:
             swarm.judge(distance(self.point(joints) - target[live, None, :]))
             dq[live], error[live] = swarm.best()
             evaluations[live] += s.particles
-            entropy = swarm_entropy(swarm.x, s.bound_rad)
-            w = inertia(entropy)
-            if watch is not None:
-                watch(ApsoStep(iteration, rows[live], error[live], entropy, w))
             going = error[live] > s.tolerance
             live = live[going]
             if iteration == s.iterations or not live.size:
                 break
             swarm.keep(going)
-            swarm.move(w[going])
+            swarm.move(inertia(swarm_entropy(swarm.x, s.bound_rad)))
         return Correction(dq, error, evaluations, error <= s.tolerance)
 
 

@@ -40,6 +40,7 @@ from delta_calibration.model.chain_constants import (
     SETTLED_POSE,
     SMALL_STEP,
 )
+from delta_calibration.model.elimination import least_step, normal_step
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
@@ -54,12 +55,9 @@ from delta_calibration.model.kernels import (
     copy_into,
     factored,
     fill,
-    least_step,
     moved,
     nearer,
-    normal_equations,
     place,
-    solve_definite,
     spread_joints,
     weigh,
 )
@@ -346,10 +344,7 @@ def _least_squares(slope: Array, gap: Array, target: Array, system: Array, step:
     for i in range(rows):
         gap[i] -= target[i]
     if rows > count:
-        normal_equations(slope, gap, system)
-        good = solve_definite(system, count, 1)
-        for i in range(count if good else 0):
-            step[i] = system[i, count]
+        good = normal_step(slope, gap, system, step)
     else:
         good = least_step(slope, gap, 0.0, system, step)
     for i in range(rows):
@@ -654,20 +649,6 @@ def targets(machine: MachineRecord, signals: Array) -> tuple[Array, Array]:
             found[row] = room.place
             x[row] = room.x
     return found, x
-
-
-@compiled()
-def slopes(machine: MachineRecord, signals: Array) -> Array:
-    """d(place)/dq of the mechanism at every sample, (n, a, m); NaN where it has no pose."""
-    n, room = len(signals), scratch(machine, signals.shape[1])
-    at, m = machine.stages.at[JOINT], machine.body.limbs.sizes[M]
-    found = np.full((n, len(room.place), m), np.nan)
-    for row in range(n):
-        begin(machine, room)
-        if stands(machine, signals[row, at : at + m], signals[row], room):
-            _slope(machine, room)
-            found[row] = room.by_q
-    return found
 
 
 @compiled()

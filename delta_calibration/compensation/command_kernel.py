@@ -23,6 +23,22 @@ from delta_calibration.compensation.backward_kernel import (
     stands,
     verified,
 )
+from delta_calibration.compensation.command_status import (
+    COUNT,
+    FOUND,
+    JOINT_LIMIT,
+    LEFT,
+    NOT_FINITE,
+    NOT_REACHED,
+    OUT_OF_REACH,
+    OUTSIDE_REGION,
+    PASSED,
+    SHARE,
+    SINGULAR,
+    SLACK,
+    TURN,
+    VERIFIED,
+)
 from delta_calibration.model.jit import compiled, record
 from delta_calibration.model.kernels import BESIDE, K, M, T, copy_into, moved, place
 from delta_calibration.model.loads import bear, point_at
@@ -30,11 +46,6 @@ from delta_calibration.model.loads import bear, point_at
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-(PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK, NOT_REACHED) = (
-    range(8)
-)
-FOUND, JUDGED, VERIFIED = range(3)  # modes of `every`
-SHARE, LEFT, TURN, COUNT = range(4)  # of `told`: share applied, error [m], [rad], evaluations
 _SWEEPS = 60
 _SQUARE, _MUCH = 1e-15, 1e-9  # |cosine| that counts as 0; that needs another sweep
 _LOST = 1e-12  # share of the trace that may be left of a pivot by rounding alone

@@ -1,4 +1,4 @@
-"""Results of a compensator: corrected commands and the status of each."""
+"""Results of a compensator: corrected commands and the status of each, also as numbers."""
 
 from __future__ import annotations
 
@@ -25,6 +25,24 @@ class CommandStatus(Enum):
     OUTSIDE_TABLE = "outside the table of corrections"
     NOT_REACHED = "no correction within the bound reaches the target"
     MISSING_CONDITION = "a condition that the model needs is not known"
+
+
+# Codes of command_kernel.py, and the status that each stands for.
+PASSED, NOT_FINITE, JOINT_LIMIT, OUT_OF_REACH, OUTSIDE_REGION, SINGULAR, SLACK, NOT_REACHED = (
+    range(8)
+)
+BY_CODE = (
+    CommandStatus.CORRECTED,
+    CommandStatus.NOT_FINITE,
+    CommandStatus.JOINT_LIMIT,
+    CommandStatus.OUT_OF_REACH,
+    CommandStatus.OUTSIDE_REGION,
+    CommandStatus.SINGULAR,
+    CommandStatus.SLACK,
+    CommandStatus.NOT_REACHED,
+)
+FOUND, JUDGED, VERIFIED = range(3)  # modes of `command_kernel.every`
+SHARE, LEFT, TURN, COUNT = range(4)  # of `told`: share applied, error [m], [rad], evaluations
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,19 @@ from numpy.typing import NDArray
 
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation.base import REACHED, Correction, Flags
-from delta_calibration.compensation.command_status import CommandStatus, Compensated
+from delta_calibration.compensation.command_status import (
+    BY_CODE,
+    COUNT,
+    FOUND,
+    JUDGED,
+    LEFT,
+    PASSED,
+    SHARE,
+    TURN,
+    VERIFIED,
+    CommandStatus,
+    Compensated,
+)
 from delta_calibration.compensation.machine import (
     TABLE,
     IdentifiedMachine,
@@ -41,18 +53,6 @@ _WIDE = 10.0  # times the bound: corrections at nodes beyond the region may be l
 _BEYOND = 0.1  # of each joint's measured range: places between those measured may need this
 _ON_FACE = 1e-9  # [m] a point this near a face of the region is on it
 _STEPPED = 3e-4  # [m] more than any clearance of a machine in use moves the tool
-_VERDICTS = (  # by the codes of command_kernel.py
-    CommandStatus.CORRECTED,
-    CommandStatus.NOT_FINITE,
-    CommandStatus.JOINT_LIMIT,
-    CommandStatus.OUT_OF_REACH,
-    CommandStatus.OUTSIDE_REGION,
-    CommandStatus.SINGULAR,
-    CommandStatus.SLACK,
-    CommandStatus.NOT_REACHED,
-)
-_FOUND, _JUDGED, _VERIFIED = range(3)
-_SHARE, _LEFT, _TURN, _COUNT = range(4)  # columns of `told`, see command_kernel.py
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class JointCompensator:
         tool, masses = self.robot.tool_offset, self.robot.masses
         self._drawn = drawn(self._nominal, tool, masses)
         self._effects = tuple(effect.undone for effect, _ in calibration.live)
-        chain = calibration.chain.with_effects(self._effects)
+        chain = calibration.present.with_effects(self._effects)
         base = calibration.theta[calibration.chain.layout.base]
         theta = np.concatenate([base, *(value for _, value in calibration.live)])
         self._own = IdentifiedMachine(chain, theta, tool, masses)
@@ -191,10 +191,6 @@ class JointCompensator:
         own = single.own
         return SingleWay(single.held, own.places, own.signals(at).rows[0], own.aim.size)
 
-    def warm_up(self) -> None:
-        """Compensate a command at home now, so that the first real one has no start-up delay."""
-        self.compensate(self._nominal.home[None])
-
     def targets(self, q: Array) -> Array:
         """Target places of commands by the nominal robot, (n, a) [m]; NaN without a pose.
 
@@ -205,10 +201,6 @@ class JointCompensator:
     def point(self, q: Array) -> Array:
         """Places of the identified geometry, (..., m) -> (..., a) [m]; NaN without a pose."""
         return self._own.bare.point(q)
-
-    def jacobian(self, q: Array) -> Array:
-        """d(place)/dq of the identified geometry, (..., m) -> (..., a, m) [m/rad]."""
-        return self._own.bare.jacobian(q)
 
     def compensate(self, q: Array, at: Conditions | None = None) -> Compensated:
         """Correct commands, (n, m) [rad].
@@ -237,22 +229,22 @@ class JointCompensator:
         if missing:
             usable[self._lacking(at)] = False
         code, dq, told = self._found(q, at, usable)
-        verdicts = [_VERDICTS[each] for each in code.tolist()]
+        verdicts = [BY_CODE[each] for each in code.tolist()]
         for row in np.flatnonzero(~usable).tolist():
             verdicts[row] = _unless(verdicts[row], CommandStatus.MISSING_CONDITION)
         if self.table is not None:
-            for row in np.flatnonzero((code == 0) & ~self.table.covers(q)).tolist():
+            for row in np.flatnonzero((code == PASSED) & ~self.table.covers(q)).tolist():
                 verdicts[row] = _unless(verdicts[row], CommandStatus.OUTSIDE_TABLE)
         good = np.array([verdict is CommandStatus.CORRECTED for verdict in verdicts])
         return Compensated(
             q + dq,
             dq,
-            np.where(good, told[:, _LEFT], np.inf),
-            told[:, _COUNT].astype(np.int64),
+            np.where(good, told[:, LEFT], np.inf),
+            told[:, COUNT].astype(np.int64),
             tuple(verdicts),
             missing,
-            self._told_share(told[:, _SHARE]),
-            np.where(good, told[:, _TURN], np.inf) if self._own.aim.turns else None,
+            self._told_share(told[:, SHARE]),
+            np.where(good, told[:, TURN], np.inf) if self._own.aim.turns else None,
         )
 
     def _known(self, at: Conditions) -> bool:
@@ -281,15 +273,15 @@ class JointCompensator:
             dq[0],
             told[0],
         )
-        turns = told[:, _TURN] if single.own.aim.turns else None
+        turns = told[:, TURN] if single.own.aim.turns else None
         return Compensated(
             q + dq,
             dq,
-            told[:, _LEFT],
-            told[:, _COUNT].astype(np.int64),
-            (_VERDICTS[code],),
+            told[:, LEFT],
+            told[:, COUNT].astype(np.int64),
+            (BY_CODE[code],),
             "",
-            self._told_share(told[:, _SHARE]),
+            self._told_share(told[:, SHARE]),
             turns,
         )
 
@@ -309,18 +301,18 @@ class JointCompensator:
         signals, target = own.signals(at), np.empty((len(q), own.aim.size))
         dq, told = np.zeros_like(q), np.empty((len(q), 4))
         if self.by == "newton":
-            code = self._run(_FOUND, own, q, at, signals, usable, target, dq, told)
+            code = self._run(FOUND, own, q, at, signals, usable, target, dq, told)
             return code, dq, told
-        code = self._run(_JUDGED, own, q, at, signals, usable, target, dq, told)
-        rows = np.flatnonzero((code == 0) & usable)
+        code = self._run(JUDGED, own, q, at, signals, usable, target, dq, told)
+        rows = np.flatnonzero((code == PASSED) & usable)
         if self.table is not None:
             rows = rows[self.table.covers(q[rows])]
         if rows.size:
             part, numbers, places = signals.take(rows), told[rows], target[rows]
             found = self._search(own, q[rows], places, part)
-            own_dq, numbers[:, _COUNT] = found.dq.copy(), found.evaluations
+            own_dq, numbers[:, COUNT] = found.dq.copy(), found.evaluations
             code[rows] = self._run(
-                _VERIFIED, own, q[rows], at.take(rows), part, usable[rows], places, own_dq, numbers
+                VERIFIED, own, q[rows], at.take(rows), part, usable[rows], places, own_dq, numbers
             )
             dq[rows], told[rows] = own_dq, numbers
         return code, dq, told
@@ -460,7 +452,7 @@ class JointCompensator:
         at, own, n = at_rest(q), self._own.bare, len(q)
         rest, target = own.resting(q), np.empty((n, own.aim.size))
         code = self._run(
-            _JUDGED,
+            JUDGED,
             own,
             np.ascontiguousarray(q),
             at,
@@ -470,7 +462,7 @@ class JointCompensator:
             np.zeros((n, q.shape[1])),
             np.empty((n, 4)),
         )
-        return np.asarray(code == 0)
+        return np.asarray(code == PASSED)
 
 
 def _kernel() -> Any:

@@ -17,7 +17,7 @@ from delta_calibration.compensation.table import AXES
 from delta_calibration.compensation.task_coordinates import ARM, TaskCoordinates
 from delta_calibration.data import Conditions
 from delta_calibration.effects import Stage
-from delta_calibration.effects.signals import JOINT, TRAVEL, Places, Signals, recorded
+from delta_calibration.effects.signals import JOINT, TIME, TRAVEL, Places, Signals
 from delta_calibration.errors import InputError
 from delta_calibration.lazy import cached_property
 from delta_calibration.mechanisms import Mechanism
@@ -129,7 +129,7 @@ class IdentifiedMachine:
 
     def signals(self, at: Conditions) -> Signals:
         """Signals of commands as recorded; any backlash counts as crossed by the correction."""
-        found = recorded(self.mechanism, at)
+        found = self.chain.recorded(at)
         found.of(TRAVEL)[:] = np.inf
         return found
 
@@ -139,6 +139,7 @@ class IdentifiedMachine:
         found = Signals(self.places, rows)
         found.of(JOINT)[:] = q
         found.of(TRAVEL)[:] = np.inf
+        found.of(TIME)[:] = self.chain.moment or 0.0
         return found
 
     def stand(self, q: Array, at: Conditions | None = None) -> tuple[Array, Array]:
@@ -151,12 +152,6 @@ class IdentifiedMachine:
         """Places of the tool, (..., m) -> (..., a) [m]; NaN without a pose."""
         places, _ = self.stand(q.reshape(-1, q.shape[-1]), at)
         return places.reshape((*q.shape[:-1], places.shape[1]))
-
-    def jacobian(self, q: Array) -> Array:
-        """d(place)/dq of the mechanism, (..., m) -> (..., a, m) [m/rad]."""
-        flat = q.reshape(-1, q.shape[-1])
-        found = _kernel().slopes(self.compiled, self.resting(flat).rows)
-        return np.asarray(found.reshape((*q.shape[:-1], *found.shape[1:])))
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,6 @@ the region and its boundary that are independent of the grid; the grid is refine
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -138,11 +136,7 @@ class Table:
         return np.asarray(((q >= self.lower) & (q <= self.upper)).all(axis=1))
 
     def at(self, q: Array) -> Array:
-        """Corrections (n, 3) [rad] of commands (n, 3) [rad]; NaN outside the grid.
-
-        Raises:
-            InputError: numba cannot be used.
-        """
+        """Corrections (n, 3) [rad] of commands (n, 3) [rad]; NaN outside the grid."""
         rows = np.array(q, dtype=np.float64, order="C")  # a contiguous copy
         return np.asarray(_kernel().look_up(self._axes, self._coefficients, rows))
 
@@ -196,10 +190,8 @@ def _splined(values: Array) -> Array:
     return np.ascontiguousarray(values)
 
 
-@cache
 def _kernel() -> Any:
     """The compiled lookup; numba is loaded with the first lookup."""
-    try:
-        return import_module("delta_calibration.compensation.table_kernel")
-    except ImportError as error:
-        raise InputError(f"method table needs numba, which cannot be used: {error}") from error
+    from delta_calibration.compensation import table_kernel
+
+    return table_kernel

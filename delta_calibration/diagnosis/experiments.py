@@ -202,7 +202,7 @@ def _thinned(evidence: LinearizedModel) -> LinearizedModel:
         rest=thin.rest.scaled(root),
         by_joints=root * thin.by_joints,
         by_geometry=root * thin.by_geometry,
-        by_base=root * thin.by_base,
+        by_mounts=root * thin.by_mounts,
     )
 
 

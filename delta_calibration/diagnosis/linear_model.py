@@ -98,7 +98,7 @@ class LinearizedModel:
     poses: int  # how many of the samples are poses
     by_joints: Array  # (n, d, m) whitened d(reading) / d(joint angles behind the drives)
     by_geometry: Array  # (n, d, p) the same by geometry
-    by_base: Array  # (n, d, 6) the same by shift [m] and turn [rad] of the base
+    by_mounts: Array  # (n, d, 9) the same by base and reflector, see `by_mounts`
     seen: Conditions  # with readings as the model predicts them before the measurement effects
     robot: Robot | None = None  # whose masses the machine carries; else each effect's own
     others: tuple[Columns, ...] = ()  # further nuisance: columns of explanations in the model
@@ -205,7 +205,7 @@ class LinearizedModel:
             poses=int(np.sum(rows < self.poses)),
             by_joints=self.by_joints[rows],
             by_geometry=self.by_geometry[rows],
-            by_base=self.by_base[rows],
+            by_mounts=self.by_mounts[rows],
             seen=self.seen.take(rows),
             others=tuple(each.part(rows, self.coordinates) for each in self.others),
             stood=None if self.stood is None else (self.stood[0][rows], self.stood[1][rows]),
@@ -378,7 +378,8 @@ class LinearizedModel:
         return {
             Stage.DRIVE: self.by_joints,
             Stage.STRUCTURE: self.by_geometry,
-            Stage.BASE: self.by_base,
+            Stage.BASE: self.by_mounts[..., :6],
+            Stage.REFLECTOR: self.by_mounts[..., 6:],
             Stage.MEASUREMENT: self.whiten[..., : self.axes],
         }[stage]
 
@@ -629,14 +630,16 @@ def linearized_about(
         poses=len(at),
         by_joints=whiten @ about.by_joints,
         by_geometry=whiten @ about.by_theta[..., layout.geometry],
-        by_base=whiten @ by_base(problem.chain, theta, about.by_theta),
+        by_mounts=whiten @ by_mounts(problem.chain, theta, about.by_theta),
         seen=about.at,
         stood=about.stood,
     )
 
 
-def by_base(chain: Chain, theta: Array, by_theta: Array) -> Array:
-    """Derivative by shift [m] and turn [rad] of the base, from that by theta, (n, d, 6).
+def by_mounts(chain: Chain, theta: Array, by_theta: Array) -> Array:
+    """Derivative by base and reflector, from that by theta, (n, d, 9).
+
+    They are shift [m] and turn [rad] of the base, and shift [m] of the reflector in the platform.
 
     R(w), t is the base's pose in the tracker's frame; b turns and d shifts it in its own axes:
 
@@ -645,7 +648,7 @@ def by_base(chain: Chain, theta: Array, by_theta: Array) -> Array:
     layout, w = chain.layout, theta[chain.layout.turn]
     shift = by_theta[..., layout.place] @ rotations.exp(w)
     turn = by_theta[..., layout.turn] @ np.linalg.inv(rotations.left_jacobian(-w))
-    return np.concatenate([shift, turn], axis=-1)
+    return np.concatenate([shift, turn, by_theta[..., layout.offset]], axis=-1)
 
 
 def on_the_way(survey: Survey) -> NDArray[np.bool_]:

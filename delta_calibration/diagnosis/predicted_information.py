@@ -24,7 +24,7 @@ from scipy.spatial.distance import cdist
 from delta_calibration.chain import Chain, read_at
 from delta_calibration.data import Conditions, joined
 from delta_calibration.diagnosis.columns import Plain
-from delta_calibration.diagnosis.linear_model import LinearizedModel, by_base
+from delta_calibration.diagnosis.linear_model import LinearizedModel, by_mounts
 from delta_calibration.diagnosis.shared_path_error import AT_REST, SharedPathError
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Foresight:
             poses=int(np.sum(samples.path == AT_REST)),
             by_joints=by_joints,
             by_geometry=by_geometry,
-            by_base=whiten @ by_base(self.chain, self.theta, seen.jacobian),
+            by_mounts=whiten @ by_mounts(self.chain, self.theta, seen.jacobian),
             seen=read_at(at, seen),
         )
 

@@ -39,7 +39,7 @@ def stacked(parts: Sequence[LinearizedModel]) -> LinearizedModel:
         poses=len(at),
         by_joints=by_joints,
         by_geometry=every("by_geometry"),
-        by_base=every("by_base"),
+        by_mounts=every("by_mounts"),
         seen=reduce(joined, [part.seen for part in parts]),
         stood=None,
     )
@@ -65,7 +65,7 @@ def apart(evidence: LinearizedModel) -> LinearizedModel:
         poses=n * d,
         by_joints=by_joints,
         by_geometry=each(evidence.by_geometry),
-        by_base=each(evidence.by_base),
+        by_mounts=each(evidence.by_mounts),
         seen=at,
         stood=None,
     )
@@ -84,5 +84,5 @@ def weighted(evidence: LinearizedModel, kept: Array) -> LinearizedModel:
         rest=evidence.rest.scaled(root),
         by_joints=by_joints,
         by_geometry=root * evidence.by_geometry,
-        by_base=root * evidence.by_base,
+        by_mounts=root * evidence.by_mounts,
     )

@@ -1,13 +1,13 @@
 """Base class of effects: errors of the measuring chain that a geometric model leaves out.
 
 An effect adds to the output of one stage: to the joint angles behind the encoders (DRIVE), to the
-mechanism's geometry (STRUCTURE), to the pose of the base (BASE) or to the tracker's reading
-(MEASUREMENT). Its `law` gives the amount. The law is written once, in symbols, for one term (a
-joint, a dimension, the reading): a function of signals of the sample (angle, rate, torque,
-temperature, ...), of the effect's parameters v and of constants. Simulator, fit, verdict and
-compensator evaluate code generated from it, with its derivatives by v. A quantity that is no
-parameter (a frequency, a time constant, the moment of a step) is a field of the effect; these
-fields are its shape, and `shapes` yields those worth trying.
+mechanism's geometry (STRUCTURE), to the pose of the base (BASE), to the reflector's place on the
+platform (REFLECTOR) or to the tracker's reading (MEASUREMENT). Its `law` gives the amount. The law
+is written once, in symbols, for one term (a joint, a dimension, the reading): a function of
+signals of the sample (angle, rate, torque, temperature, ...), of the effect's parameters v and of
+constants. Simulator, fit, verdict and compensator evaluate code generated from it, with its
+derivatives by v. A quantity that is no parameter (a frequency, a time constant, the moment of a
+step) is a field of the effect; these fields are its shape, and `shapes` yields those worth trying.
 
 Each effect has its own file; a line in `catalogue.py` makes it known everywhere.
 """
@@ -63,6 +63,7 @@ class Stage(Enum):
     DRIVE = "joint angle"  # (n, m, k)
     STRUCTURE = "geometry"  # (n, p, k)
     BASE = "place of the base"  # (n, 6, k) shift [m] and turn [rad], in the base
+    REFLECTOR = "place of the reflector"  # (n, 3, k) shift [m], in the platform
     MEASUREMENT = "reading"  # (n, 3, k)
 
 
@@ -168,7 +169,7 @@ class Effect(ABC):
     @property
     def on_readings(self) -> bool:
         """Whether it acts between the platform's pose in the base and the reading."""
-        return self.stage in (Stage.BASE, Stage.MEASUREMENT)
+        return self.stage in (Stage.BASE, Stage.REFLECTOR, Stage.MEASUREMENT)
 
     @property
     def about(self) -> Array:
@@ -182,6 +183,7 @@ class Effect(ABC):
             Stage.DRIVE: self.mechanism.joints,
             Stage.STRUCTURE: len(self.mechanism.parameters),
             Stage.BASE: 6,
+            Stage.REFLECTOR: 3,
             Stage.MEASUREMENT: 3,
         }
         return sizes[self.stage]
@@ -480,6 +482,19 @@ class Effect(ABC):
         """Whether it depends on the clock of its session, and so is not valid in another."""
         return False
 
+    @property
+    def lasting(self) -> bool:
+        """Whether what it changes by the clock stays as its session left it."""
+        return True
+
+    def outlasts(self, ended: float | None) -> bool:
+        """Whether commands after its session are corrected for it.
+
+        Args:
+            ended: end of the session on its own clock [s]; None if not known.
+        """
+        return not self.bound_to_session or (self.lasting and ended is not None)
+
     def each_joint(
         self, name: str, unit: str, prior: float, lower: float = -np.inf, upper: float = np.inf
     ) -> ParameterSet:
@@ -557,8 +572,8 @@ class StageTerms:
 
 
 def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) -> Any:
-    """Compiled effects of drives, structure and base, whose values are parts of theta."""
-    stages = (Stage.DRIVE, Stage.STRUCTURE, Stage.BASE)
+    """Compiled effects of all stages before the reading, whose values are parts of theta."""
+    stages = (Stage.DRIVE, Stage.STRUCTURE, Stage.BASE, Stage.REFLECTOR)
     tables = [table_of_stage(stage, effects, each, places) for stage in stages]
     at = np.array([places.begin(name) for name in chain_constants.NAMES])
     asked, stands = asked_of_stages(effects), standing_asked(_taken(effects))
@@ -568,7 +583,7 @@ def stages_of(effects: Sequence[Effect], each: Sequence[slice], places: Places) 
 
 
 def asked_of_stages(effects: Sequence[Effect]) -> int:
-    """Loads that the effects of drives, structure and base need."""
+    """Loads that the effects of all stages before the reading need."""
     return _asked(effects[0].mechanism, _taken(effects)) if effects else 0
 
 
@@ -581,7 +596,7 @@ def _loaded(mechanism: Mechanism, tables: Sequence[Any], places: Places) -> list
 
 
 def _taken(effects: Sequence[Effect]) -> list[str]:
-    """Signals that the effects of drives, structure and base take."""
+    """Signals that the effects of all stages before the reading take."""
     return [n for e in effects if e.stage is not Stage.MEASUREMENT for n in e.takes]
 
 

@@ -29,6 +29,7 @@ from delta_calibration.effects.joint_zero_drift import JointZeroDrift
 from delta_calibration.effects.pretension_loss import PretensionLoss
 from delta_calibration.effects.pulley_radius import PulleyRadius
 from delta_calibration.effects.reducer_compliance import ReducerCompliance
+from delta_calibration.effects.reflector_shift import ReflectorShift
 from delta_calibration.effects.slider_pitch import SliderPitch
 from delta_calibration.effects.stick_slip import StickSlip
 from delta_calibration.effects.thermal_growth_arm import ThermalGrowthArm
@@ -85,6 +86,7 @@ EFFECTS: Registry[Effect] = Registry(
         FlangeCompliance,
         PretensionLoss,
         EncoderInterpolation,
+        ReflectorShift,
     ),
 )
 

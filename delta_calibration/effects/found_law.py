@@ -41,6 +41,7 @@ KINDS = {
     Stage.DRIVE: "drive",
     Stage.STRUCTURE: "structure",
     Stage.BASE: "structure",
+    Stage.REFLECTOR: "measurement",
     Stage.MEASUREMENT: "measurement",
 }
 _QUANTITY = re.compile(r"(?P<name>[a-z]+)(?:\+(?P<ahead>\d{1,3}))?(?::(?P<part>\w+))?")

@@ -139,5 +139,5 @@ class PretensionLoss(CableEffect):
 
     @property
     def bound_to_session(self) -> bool:
-        """True: a loss by the clock says nothing about another day."""
+        """True: a loss by the clock goes by the clock of its session."""
         return True

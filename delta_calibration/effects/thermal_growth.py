@@ -140,6 +140,11 @@ class Growth(Effect):
         """Whether growth follows time; with a sensor it stays valid."""
         return not self.sensor
 
+    @property
+    def lasting(self) -> bool:
+        """True of a warming; a cycle goes on after the session."""
+        return not self.period
+
     def doubt(self) -> Effect | None:
         """Effect of a sensor's delay behind its part, which is not known; None over time."""
         if not self.sensor:

@@ -218,5 +218,10 @@ class Drift(Effect):
 
     @property
     def bound_to_session(self) -> bool:
-        """True: a drift by the clock says nothing about another day."""
+        """True: a drift by the clock goes by the clock of its session."""
         return True
+
+    @property
+    def lasting(self) -> bool:
+        """True of a ramp, a settling and a step; a cycle goes on after the session."""
+        return not self.period

@@ -9,14 +9,10 @@ from delta_calibration.estimation.fit import (
     PRIOR_POPULATION,
     Effort,
     Identification,
-    Residuals,
     chain_of,
     identify,
     most_evaluations,
-    parts_of,
     prepare,
-    require_this_robot,
-    residuals_of,
     told_by,
 )
 from delta_calibration.estimation.image import PointInImage
@@ -52,17 +48,21 @@ from delta_calibration.estimation.positions import Missed, Rest, uncertainty_of
 from delta_calibration.estimation.problem import (
     Near,
     Problem,
-    Solution,
     build_problem,
-    offset_is_doubtful,
-    robust_weights,
     scales,
-    solution_at,
-    solve,
-    spread_of,
     widened,
 )
 from delta_calibration.estimation.registration import placing, registered
+from delta_calibration.estimation.residuals import Residuals, parts_of, residuals_of
+from delta_calibration.estimation.same_robot import require_this_robot
+from delta_calibration.estimation.solver import (
+    Solution,
+    offset_is_doubtful,
+    robust_weights,
+    solution_at,
+    solve,
+    spread_of,
+)
 from delta_calibration.estimation.turns import never_turned, with_turns
 from delta_calibration.estimation.warnings import DIAGNOSIS, doubt, doubts
 

@@ -55,10 +55,6 @@ class PlacedMachine:
         """`T_device_base`."""
         return self.chain.split(self.theta)[2]
 
-    def poses(self, joint: Array) -> Array:
-        """Platform poses (n, k) in the base at joints (n, m); NaN rows out of reach."""
-        return self.chain.pose(at_rest(joint), self.theta)
-
 
 @dataclass(frozen=True)
 class Linear:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from delta_calibration.estimation.problem import SETTLED, Near, Problem, Solution, solve
+from delta_calibration.estimation.problem import Near, Problem
+from delta_calibration.estimation.solver import SETTLED, Solution, solve
 
 Watch = Callable[[int], object]
 """Is told how many evaluations were made since it was told last."""

@@ -24,7 +24,8 @@ from delta_calibration.estimation.measurements import (
     bare_chain,
 )
 from delta_calibration.estimation.observability import Observability, observe
-from delta_calibration.estimation.problem import Problem, Solution, scales, solve
+from delta_calibration.estimation.problem import Problem, scales
+from delta_calibration.estimation.solver import Solution, solve
 from delta_calibration.geometry import Frame
 from delta_calibration.mechanisms import Mechanism
 from delta_calibration.theta import frame_names

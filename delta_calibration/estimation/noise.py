@@ -22,6 +22,16 @@ from scipy.special import chdtri
 from delta_calibration.data import Poses
 from delta_calibration.errors import DataError
 from delta_calibration.estimation.positive import solved
+from delta_calibration.estimation.visits import (
+    Visits,
+    alone,
+    deviations,
+    plain_course,
+    visits_by_conditions,
+    visits_of,
+    without_displacements,
+    without_gross_errors,
+)
 from delta_calibration.robot import Robot, Tracker
 
 Array = NDArray[np.float64]
@@ -29,14 +39,10 @@ Index = NDArray[np.int64]
 
 # degrees of freedom from which a standard deviation is estimated, not taken from the robot file
 _ENOUGH = 20
-_GROSS = 6.0  # standard deviations beyond which a repeat is a gross error
-_LEFT_FAR = 12.0  # the same of what conditions leave: from here on a fit sets a pose aside
-_FAR = 20.0  # the same where causes have a part in the deviations, a few times their median
-_LARGEST = 0.7  # of the largest, above the half by which one of three draws the other two
-_FREE = 0.1  # share of a pose's variance that its visits must leave, to tell a gross error
-_CHI3_MEDIAN = 1.538172  # median of the norm of three standard normal numbers
+# standard deviations beyond which a visit is a gross error: of what conditions leave, from where a
+# fit sets a pose aside; where causes have a part in the deviations, a few times their median
+_LEFT_FAR, _FAR = 12.0, 20.0
 _STEP = 0.05  # step of log s_q in the second difference of its likelihood
-_ALIKE = 1e-7  # singular value over the largest, below which columns are linearly dependent
 _FEWEST_DEGREES = 1e-3  # of freedom, for a repeatability that is hidden by the tracker's noise
 _AS_FILED = 1.0, 1.0  # scales of the tracker's noise
 # scale at which it is first tried whether the tracker's noise is larger than filed, largest scale,
@@ -123,17 +129,17 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
         robot: gives the filed tracker noise and repeatability.
     """
     radial, transverse = _reading_scales(poses, robot.tracker)
-    seen, _ = _deviations(poses.joint, poses.place)
+    seen = deviations(poses.joint, poses.place)
     poses = replace(poses, point=poses.point - (slope @ seen[..., None])[..., 0])
     filed = Noise(radial, transverse, robot.joints.repeatability, 0.0, 0, False)
     covariance = filed.covariance(poses, slope, robot.tracker)
-    known: dict[bytes, _Visits] = {}
+    known: dict[bytes, Visits] = {}
 
-    def by_conditions(place: Index) -> _Visits:
-        """`_by_conditions`, computed once for the same labels: gross errors are rare."""
+    def by_conditions(place: Index) -> Visits:
+        """`visits_by_conditions`, computed once for the same labels: gross errors are rare."""
         labels = place.tobytes()
         if labels not in known:
-            known[labels] = _by_conditions(poses, place, slope)
+            known[labels] = visits_by_conditions(poses, place, slope)
         return known[labels]
 
     separable = 3 * by_conditions(poses.place).degrees >= 2 * _ENOUGH
@@ -141,14 +147,14 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     visits = (
         by_conditions(place)
         if separable  # noise from conditions; else true repeats tell it
-        else _visits(poses.point, repeat)
+        else visits_of(poses.point, repeat)
     )
     few = 3 * visits.degrees < _ENOUGH
     if few:
-        visits = _visits(poses.point, place, _plain_course(poses, place, slope))
+        visits = visits_of(poses.point, place, plain_course(poses, place, slope))
     degrees = visits.degrees
     floor = float(np.sqrt(np.trace(covariance, axis1=1, axis2=2).mean()))
-    stated = replace(filed, floor=floor, most=_most(_visits(poses.point, place), covariance))
+    stated = replace(filed, floor=floor, most=_most(visits_of(poses.point, place), covariance))
     if 3 * degrees < _ENOUGH:
         return stated
     if few and (radial, transverse) == _AS_FILED:
@@ -159,7 +165,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     moving = slope @ np.swapaxes(slope, 1, 2)
     bounds = _LEAST * robot.commanded.joint_size, _MOST * robot.commanded.joint_size
     if (radial, transverse) == _AS_FILED:
-        free = _without_displacements(visits, poses)
+        free = without_displacements(visits, poses)
         if 3 * free.degrees >= _ENOUGH:
             radial = transverse = _tracker_scale(
                 lambda k: _likeliest(free, k**2 * reading, moving, bounds).unlikeliness
@@ -171,7 +177,7 @@ def estimate_noise(poses: Poses, slope: Array, robot: Robot) -> Noise:
     return stated if less else found
 
 
-def _most(visits: _Visits, covariance: Array) -> float:
+def _most(visits: Visits, covariance: Array) -> float:
     """Largest factor on the noise that the deviations of visits allow (95 %); inf without any.
 
     All that changes between two visits counts as noise.
@@ -214,7 +220,7 @@ def interval_of(freedom: float) -> tuple[float, float]:
     return min(1.0, float(low)), float(high)
 
 
-def _in_proportion(filed: Noise, visits: _Visits, covariance: Array) -> Noise:
+def _in_proportion(filed: Noise, visits: Visits, covariance: Array) -> Noise:
     """The filed noise of tracker and joints times one factor: few visits do not part the two.
 
     Args:
@@ -259,21 +265,6 @@ def _tracker_scale(unlikeliness: Callable[[float], float]) -> float:
     return float(np.exp(best.x)) if filed - best.fun > _REFUTED else 1.0
 
 
-def _without_displacements(visits: _Visits, poses: Poses) -> _Visits:
-    """Visits whose noise excludes displacements by the conditions in any direction.
-
-    A base that sinks or a column that grows moves the reflector as no joint can. Displacements are
-    linear in the place.
-    """
-    mean = poses.point - visits.deviation  # of a place: its noise is not that of a visit
-    about = mean - mean.mean(axis=0)
-    plane = np.column_stack([np.ones(len(poses)), about / max(float(np.abs(about).max()), 1e-9)])
-    moved = _by_condition(poses, plane)[:, None, :, None] * np.eye(3)[:, None, :]
-    within = _deviations(moved.reshape(len(poses), -1), visits.place)[0]
-    within = within.reshape(visits.deviation.size, -1)
-    return replace(visits, course=_basis(np.hstack([visits.course, within])))
-
-
 def whitening(covariance: Array) -> Array:
     """Whitening matrices W with W C W^T = 1, (n, d, d) as C; [1/m] for positions."""
     return np.linalg.inv(np.linalg.cholesky(covariance))
@@ -296,7 +287,7 @@ def _reading_scales(poses: Poses, tracker: Tracker) -> tuple[float, float]:
 
 
 def _without_gross(
-    poses: Poses, covariance: Array, by_conditions: Callable[[Index], _Visits]
+    poses: Poses, covariance: Array, by_conditions: Callable[[Index], Visits]
 ) -> tuple[Index, Index]:
     """Labels of repeats and places with gross errors as unrepeated, so that they are no noise.
 
@@ -304,169 +295,16 @@ def _without_gross(
     repeat, 20 from that of their place, or 12 from what the conditions explain, are not used.
     """
     white = whitening(covariance)
-    repeat, gross = _without(poses.repeat, white, lambda each: _visits(poses.point, each))
-    place = _alone(poses.place, gross)
+
+    def plain(label: Index) -> Visits:
+        return visits_of(poses.point, label)
+
+    repeat, gross = without_gross_errors(poses.repeat, white, plain)
+    place = alone(poses.place, gross)
     # where the conditions could explain nearly all, they would explain the gross errors as well
-    place, _ = _without(place, white, lambda each: _visits(poses.point, each), _FAR)
-    place, _ = _without(place, white, by_conditions, _LEFT_FAR)
+    place, _ = without_gross_errors(place, white, plain, _FAR)
+    place, _ = without_gross_errors(place, white, by_conditions, _LEFT_FAR)
     return repeat, place
-
-
-def _without(
-    label: Index, white: Array, visits: Callable[[Index], _Visits], gross_from: float = _GROSS
-) -> tuple[Index, NDArray[np.bool_]]:
-    """Labels of visits with the gross errors in groups of their own, and where these are.
-
-    The largest are found first, as they draw means and courses, and so deviations of others.
-    """
-    found = np.zeros(len(label), dtype=bool)
-    while (gross := _gross(visits(label), white, gross_from)).any():
-        label, found = _alone(label, gross), found | gross
-    return label, found
-
-
-def _alone(label: Index, rows: NDArray[np.bool_]) -> Index:
-    """Labels of groups (n,), with some rows in groups of their own."""
-    new = label.copy()
-    new[rows] = label.max() + 1 + np.arange(int(rows.sum()))
-    return new
-
-
-def _gross(visits: _Visits, white: Array, gross_from: float) -> NDArray[np.bool_]:
-    """Largest gross errors among visits, (n,).
-
-    Args:
-        visits: of all poses.
-        white: whitens the noise of each, (n, 3, 3).
-        gross_from: robust standard deviations beyond which a deviation is a gross error.
-    """
-    free = visits.free
-    told = free > _FREE
-    if not told.any():
-        return told
-    distance = np.linalg.norm((white @ visits.left[..., None])[..., 0], axis=1)
-    distance = np.where(told, distance / np.sqrt(np.where(told, free, 1.0)), 0.0)
-    typical = max(float(np.median(distance[told])) / _CHI3_MEDIAN, 1.0)
-    return np.asarray(distance > max(gross_from * typical, _LARGEST * distance.max()))
-
-
-@dataclass(frozen=True)
-class _Visits:
-    """Deviations of poses from their place's mean, and the part that conditions may explain."""
-
-    place: Index  # (n,) of each pose
-    deviation: Array  # (n, 3) [m] from the place's mean
-    course: Array  # (3 n, p) orthonormal basis of changes with the conditions, see `_course`
-
-    @property
-    def degrees(self) -> int:
-        """Degrees of freedom of the noise, in poses of three coordinates."""
-        size = np.bincount(self.place)
-        taken = -(-int(self.course.shape[1]) // 3)
-        return max(int((size[size > 0] - 1).sum()) - taken, 0)
-
-    @property
-    def floor(self) -> float:
-        """Root mean square 3-D distance from a place's mean by noise alone [m]."""
-        return float(np.sqrt(np.sum(self.left**2) / max(self.degrees, 1)))
-
-    @property
-    def left(self) -> Array:
-        """Deviations that the conditions leave unexplained, (n, 3) [m]."""
-        flat = self.deviation.reshape(-1)
-        return np.asarray(flat - self.course @ (self.course.T @ flat)).reshape(-1, 3)
-
-    @property
-    def free(self) -> Array:
-        """Share of each pose's variance that `left` holds, the mean of its coordinates, (n,)."""
-        size = np.bincount(self.place)[self.place]
-        taken = np.sum(self.course.reshape(len(size), -1) ** 2, axis=1) / 3
-        return np.asarray(1 - 1 / size - taken)
-
-
-def _visits(point: Array, place: Index, course: Array | None = None) -> _Visits:
-    course = np.zeros((point.size, 0)) if course is None else course
-    return _Visits(place, _deviations(point, place)[0], course)
-
-
-def _by_conditions(poses: Poses, place: Index, slope: Array) -> _Visits:
-    """Visits of each place, with the changes that the conditions may cause."""
-    return _visits(poses.point, place, _course(poses, place, slope))
-
-
-def _course(poses: Poses, place: Index, slope: Array) -> Array:
-    """Orthonormal basis (3 n, p) of the changes by conditions between visits of a place.
-
-    Changes between two visits by warming, a drifting tracker, backlash or a payload are no noise.
-    All of them are modelled as smooth joint errors: a cubic in time, plus terms in the directions
-    of approach and in the payload, with coefficients that are linear in the joint coordinates.
-    """
-    clock = _clock(poses)
-    several = np.flatnonzero(np.bincount(place)[place] > 1)
-    basis = _changes(poses.take(several), clock[several], place[several], slope[several])
-    every = np.zeros((len(poses), 3, basis.shape[1]))
-    every[several] = basis.reshape(len(several), *every.shape[1:])
-    return every.reshape(3 * len(poses), basis.shape[1])
-
-
-def _changes(poses: Poses, clock: Array, place: Index, slope: Array) -> Array:
-    """`_course` of poses at places that were visited several times."""
-    if not len(poses):
-        return np.zeros((0, 0))
-    plane = np.column_stack([np.ones(len(poses)), poses.joint])
-    course = _by_condition(poses, plane, clock)
-    columns = (slope[:, :, None, :] * course[:, None, :, None]).reshape(len(poses), -1)
-    return _basis(_deviations(columns, place)[0].reshape(3 * len(poses), -1))
-
-
-def _plain_course(poses: Poses, place: Index, slope: Array) -> Array:
-    """`_course` in plain form: each joint changes with its own direction, time and payload.
-
-    On an arm of many joints a few dozen visits cannot determine the hundreds of coefficients of
-    the other form. Here each joint has three, all linear.
-
-    Args:
-        poses: the measured poses, (n,).
-        place: label of the place of each, (n,).
-        slope: derivative of what is compared by the joints, (n, 3, m).
-    """
-    common = np.column_stack([_clock(poses), np.nan_to_num(poses.payload)])
-    joints = np.repeat(common[:, None], slope.shape[2], axis=1)
-    condition = np.concatenate([joints, poses.direction[..., None]], axis=2)
-    columns = (slope[..., None] * condition[:, None]).reshape(len(poses), -1)
-    return _basis(_deviations(columns, place)[0].reshape(3 * len(poses), -1))
-
-
-def _by_condition(poses: Poses, plane: Array, clock: Array | None = None) -> Array:
-    """Products of each condition with each column of `plane` (n, p), (n, conditions p)."""
-    clock = _clock(poses) if clock is None else clock
-    payload = np.nan_to_num(poses.payload)
-    condition = np.column_stack([clock, clock**2, clock**3, payload, poses.direction])
-    return np.asarray((condition[:, :, None] * plane[:, None, :]).reshape(len(poses), -1))
-
-
-def _clock(poses: Poses) -> Array:
-    """Time of each pose, from -1 to 1, (n,)."""
-    past = poses.time - poses.time.min()
-    return np.asarray(2 * past / max(float(past.max()), 1e-9) - 1)
-
-
-def _basis(columns: Array) -> Array:
-    """Orthonormal basis of the space of some columns, (3 n, p)."""
-    scale = np.linalg.norm(columns, axis=0)
-    if not scale.any():
-        return columns[:, :0]
-    basis, value, _ = np.linalg.svd(columns[:, scale > 0] / scale[scale > 0], full_matrices=False)
-    return np.asarray(basis[:, value > _ALIKE * value[0]])
-
-
-def _deviations(values: Array, label: Index) -> tuple[Array, int]:
-    """Each row (n, k) less its group's mean, and the degrees of freedom (rows less groups)."""
-    size, width = np.bincount(label), values.shape[1]
-    cell = label[:, None] * width + np.arange(width)
-    total = np.bincount(cell.ravel(), values.ravel(), len(size) * width).reshape(-1, width)
-    deviation = values - (total / np.maximum(size, 1)[:, None])[label]
-    return deviation, int((size[size > 0] - 1).sum())
 
 
 def turn_noise(
@@ -487,13 +325,13 @@ def turn_noise(
     reading = np.eye(3) / poses.count[:, None, None]
     resting = repeatability**2 * slope @ np.swapaxes(slope, 1, 2)
     white = whitening(resting + stated**2 * reading)
-    repeat, gross = _without(poses.repeat, white, lambda each: _visits(turned, each))
-    visits = _visits(turned, repeat)
+    repeat, gross = without_gross_errors(poses.repeat, white, lambda each: visits_of(turned, each))
+    visits = visits_of(turned, repeat)
     few = 3 * visits.degrees < _ENOUGH
     if few:
-        place = _alone(poses.place, gross)
-        place, _ = _without(place, white, lambda each: _visits(turned, each), _FAR)
-        visits = _visits(turned, place, _plain_course(poses, place, slope))
+        place = alone(poses.place, gross)
+        place, _ = without_gross_errors(place, white, lambda each: visits_of(turned, each), _FAR)
+        visits = visits_of(turned, place, plain_course(poses, place, slope))
     if 3 * visits.degrees < _ENOUGH:
         return stated
     found = _likeliest(visits, resting, reading, (_LEAST, _MOST))
@@ -511,7 +349,7 @@ class _Likeliest:
 
 
 def _likeliest(
-    visits: _Visits, fixed: Array, growing: Array, bounds: tuple[float, float]
+    visits: Visits, fixed: Array, growing: Array, bounds: tuple[float, float]
 ) -> _Likeliest:
     """Most likely s of the covariance F + s^2 G, and its degrees of freedom by the curvature.
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from delta_calibration.data import Conditions
 from delta_calibration.effects import Effect
 from delta_calibration.estimation.carried import Carried, carried_rows
-from delta_calibration.estimation.problem import Solution, spread_of
+from delta_calibration.estimation.solver import Solution, spread_of
 
 Array = NDArray[np.float64]
 

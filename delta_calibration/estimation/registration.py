@@ -11,7 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.estimation.problem import Problem, Solution, solve
+from delta_calibration.estimation.problem import Problem
+from delta_calibration.estimation.solver import Solution, solve
 
 Mask = NDArray[np.bool_]
 

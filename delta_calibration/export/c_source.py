@@ -95,6 +95,7 @@ class _Given(NamedTuple):
     needs_payload: bool
     needs_centre: bool
     needs_temperature: NDArray[np.int64]  # indices among the temperatures
+    moment: float  # [s] the time of commands, unless the caller gives another
 
 
 def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:
@@ -233,6 +234,7 @@ def _given(
         needs_payload=_needs(calibration, effects, parts, PAYLOAD),
         needs_centre=_needs(calibration, effects, parts, CENTRE),
         needs_temperature=np.array(warm, dtype=np.int64),
+        moment=calibration.ended or 0.0,
     )
 
 

@@ -34,6 +34,18 @@ from delta_calibration.model.chain_constants import (
     SMALL_STEP,
     STEPS,
 )
+from delta_calibration.model.elimination import (
+    across,
+    down,
+    down_half,
+    halved,
+    least_step,
+    normal_step,
+    solve,
+    solve_definite,
+    squares,
+    triangles,
+)
 from delta_calibration.model.jit import call, compiled, record
 
 Array = NDArray[np.float64]
@@ -136,65 +148,6 @@ def same(values: Array, others: Array) -> bool:
 
 
 @compiled(borrows=True)
-def solve(system: Array, size: int, sides: int) -> bool:
-    """Solve `size` equations for the right-hand sides behind them, in place; False if singular."""
-    width = size + sides
-    for k in range(size):
-        best, most = k, abs(system[k, k])
-        for i in range(k + 1, size):
-            other = abs(system[i, k])
-            if other > most:
-                best, most = i, other
-        if not most > 0.0:  # zero or NaN
-            return False
-        own = system[k]
-        if best != k:
-            row = system[best]
-            for j in range(k, width):
-                own[j], row[j] = row[j], own[j]
-        inverse = 1.0 / own[k]
-        for i in range(k + 1, size):
-            row = system[i]
-            factor = row[k] * inverse
-            if factor != 0.0:
-                for j in range(k + 1, width):
-                    row[j] -= factor * own[j]
-    solve_upper(system, size, sides)
-    return True
-
-
-@compiled(borrows=True)
-def solve_definite(system: Array, size: int, sides: int) -> bool:
-    """Solve as `solve` a symmetric, positive definite system; only its upper half is read."""
-    width = size + sides
-    for k in range(size):
-        own = system[k]
-        if not own[k] > 0.0:  # zero, below it by rounding, or NaN
-            return False
-        inverse = 1.0 / own[k]
-        for i in range(k + 1, size):
-            row = system[i]
-            factor = own[i] * inverse
-            for j in range(i, width):
-                row[j] -= factor * own[j]
-    solve_upper(system, size, sides)
-    return True
-
-
-@compiled(borrows=True)
-def solve_upper(system: Array, size: int, sides: int) -> None:
-    """Solve an upper triangular system for the right-hand sides behind it, in place."""
-    for k in range(size - 1, -1, -1):
-        own = system[k]
-        inverse = 1.0 / own[k]
-        for side in range(size, size + sides):
-            total = own[side]
-            for j in range(k + 1, size):
-                total -= own[j] * system[j, side]
-            own[side] = total * inverse
-
-
-@compiled(borrows=True)
 def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
     """Set the dimensions (p,) of the limbs."""
     p = limbs.sizes[P]
@@ -205,6 +158,13 @@ def set_geometry(limbs: Limbs, g: Array, room: Room) -> None:
             row = limbs.params[limb, i]
             work[limbs.at[G] + i] = g[row] if row < p else limbs.fixed[row - p]
         call(limbs.law[SETUP], work)
+
+
+@compiled(borrows=True)
+def set_sample(limbs: Limbs, g: Array, row: int, room: Room) -> None:
+    """Set the dimensions of one sample after another, of (n, p) or of (1, p) for all samples."""
+    if row == 0 or len(g) > 1:
+        set_geometry(limbs, g[min(row, len(g) - 1)], room)
 
 
 @compiled(borrows=True)
@@ -323,47 +283,11 @@ def spread_geometry(limbs: Limbs, room: Room) -> None:
 
 
 @compiled(borrows=True)
-def squares(slope: Array, system: Array) -> None:
-    """Upper half of slope^T slope of slope (r, k), into the first columns of `system`."""
-    r, k = slope.shape
-    for i in range(k):
-        for j in range(i, k):
-            total = 0.0
-            for row in range(r):
-                total += slope[row, i] * slope[row, j]
-            system[i, j] = total
-
-
-@compiled(borrows=True)
-def normal_equations(slope: Array, f: Array, system: Array) -> None:
-    """Upper half of slope^T slope, and slope^T f of f (r,) behind it, into `system`."""
-    r, k = slope.shape
-    squares(slope, system)
-    for i in range(k):
-        total = 0.0
-        for row in range(r):
-            total += slope[row, i] * f[row]
-        system[i, k] = total
-
-
-@compiled(borrows=True)
 def towards(room: Room, r: int, k: int) -> bool:
     """Compute Newton's step in the pose, f_x^+ f, into `step`; False if f_x is singular."""
-    system, by_x, f, step = room.system, room.by_x, room.f, room.step
     if r == k:
-        for i in range(k):
-            for j in range(k):
-                system[i, j] = by_x[i, j]
-            system[i, k] = f[i]
-        good = solve(system, k, 1)
-    else:
-        normal_equations(by_x, f, system)
-        good = solve_definite(system, k, 1)
-    if not good:
-        return False
-    for i in range(k):
-        step[i] = system[i, k]
-    return True
+        return least_step(room.by_x, room.f, 0.0, room.system, room.step)
+    return normal_step(room.by_x, room.f, room.system, room.step)
 
 
 @compiled(borrows=True)
@@ -379,110 +303,12 @@ def factored(limbs: Limbs, room: Room) -> bool:
         for i in range(k):
             for j in range(k):
                 room.factor[i, j] = room.by_x[i, j]
-        good = _triangles(room.factor, k)
+        good = triangles(room.factor, k)
     else:
         squares(room.by_x, room.factor)
-        good = _halved(room.factor, k)
+        good = halved(room.factor, k)
     room.stage[1] = 1.0 if good else 0.0
     return good
-
-
-@compiled(borrows=True)
-def _triangles(factor: Array, size: int) -> bool:
-    """P A = L U in place; behind it the row exchanges, and one over the diagonal of U."""
-    for k in range(size):
-        best, most = k, abs(factor[k, k])
-        for i in range(k + 1, size):
-            other = abs(factor[i, k])
-            if other > most:
-                best, most = i, other
-        if not most > 0.0:  # zero or NaN
-            return False
-        own = factor[k]
-        if best != k:
-            row = factor[best]
-            for j in range(size):
-                own[j], row[j] = row[j], own[j]
-        inverse = 1.0 / own[k]
-        own[size], own[size + 1] = best, inverse
-        for i in range(k + 1, size):
-            row = factor[i]
-            share = row[k] * inverse
-            row[k] = share
-            if share != 0.0:
-                for j in range(k + 1, size):
-                    row[j] -= share * own[j]
-    return True
-
-
-@compiled(borrows=True)
-def _halved(factor: Array, size: int) -> bool:
-    """A = U^T D^-1 U in place, for a symmetric, positive definite A by its upper half."""
-    for k in range(size):
-        own = factor[k]
-        if not own[k] > 0.0:  # zero, below it by rounding, or NaN
-            return False
-        inverse = 1.0 / own[k]
-        own[size + 1] = inverse
-        for i in range(k + 1, size):
-            row = factor[i]
-            share = own[i] * inverse
-            for j in range(i, size):
-                row[j] -= share * own[j]
-    return True
-
-
-@compiled(borrows=True)
-def _down(factor: Array, size: int, values: Array) -> None:
-    """Solve for values (size,) in place, after `_triangles`."""
-    for i in range(size):
-        best = int(factor[i, size])
-        values[i], values[best] = values[best], values[i]
-    for i in range(1, size):
-        row, total = factor[i], values[i]
-        for j in range(i):
-            total -= row[j] * values[j]
-        values[i] = total
-    _up(factor, size, values)
-
-
-@compiled(borrows=True)
-def _down_half(factor: Array, size: int, values: Array) -> None:
-    """Solve for values (size,) in place, after `_halved`."""
-    for k in range(size):
-        own = factor[k]
-        value = values[k] * own[size + 1]
-        for i in range(k + 1, size):
-            values[i] -= own[i] * value
-    _up(factor, size, values)
-
-
-@compiled(borrows=True)
-def _up(factor: Array, size: int, values: Array) -> None:
-    """Solve for values (size,) in place by the upper triangle."""
-    for k in range(size - 1, -1, -1):
-        own, total = factor[k], values[k]
-        for j in range(k + 1, size):
-            total -= own[j] * values[j]
-        values[k] = total * own[size + 1]
-
-
-@compiled(borrows=True)
-def _across(factor: Array, size: int, values: Array) -> None:
-    """Solve for values (size,) in place by the transpose, after `_triangles`."""
-    for k in range(size):
-        own = factor[k]
-        values[k] *= own[size + 1]
-        value = values[k]
-        for j in range(k + 1, size):
-            values[j] -= own[j] * value
-    for k in range(size - 1, 0, -1):
-        own, value = factor[k], values[k]
-        for j in range(k):
-            values[j] -= own[j] * value
-    for i in range(size - 1, -1, -1):
-        best = int(factor[i, size])
-        values[i], values[best] = values[best], values[i]
 
 
 @compiled(borrows=True)
@@ -510,14 +336,14 @@ def closing(limbs: Limbs, room: Room) -> None:
     if r == k:
         for i in range(k):
             step[i] = room.f[i]
-        _down(room.factor, k, step)
+        down(room.factor, k, step)
         return
     for i in range(k):
         step[i] = 0.0
     for row in range(r):
         for i in range(k):
             step[i] += room.by_x[row, i] * room.f[row]
-    _down_half(room.factor, k, step)
+    down_half(room.factor, k, step)
 
 
 @compiled(borrows=True)
@@ -531,11 +357,11 @@ def weigh(limbs: Limbs, by_pose: Array, room: Room) -> None:
     for i in range(k):
         step[i] = -by_pose[i]
     if r == k:
-        _across(room.factor, k, step)
+        across(room.factor, k, step)
         for i in range(k):
             weight[i] = step[i]
         return
-    _down_half(room.factor, k, step)
+    down_half(room.factor, k, step)
     for row in range(r):
         weight[row] = 0.0
         for i in range(k):
@@ -753,8 +579,7 @@ def _poses(
     limbs: Limbs, home: Array, stages: int, q: Array, g: Array, x: Array, stray: float, own: Room
 ) -> None:
     for row in range(len(q)):
-        if row == 0 or len(g) > 1:
-            set_geometry(limbs, g[min(row, len(g) - 1)], own)
+        set_sample(limbs, g, row, own)
         follow(limbs, home, q[row], x[row], stages, stray, own)
 
 
@@ -778,10 +603,9 @@ def closures(
     some = n if derivatives else 0
     f, by_x = np.empty((n, r)), np.empty((n, r, k))
     by_q, by_g = np.zeros((some, r, m)), np.zeros((some, r, p))
-    own, last = room(limbs, size), len(g) - 1
+    own = room(limbs, size)
     for row in range(n):
-        if row == 0 or last > 0:
-            set_geometry(limbs, g[min(row, last)], own)
+        set_sample(limbs, g, row, own)
         place(limbs, q[row], x[row], FULL if derivatives else NEAR, own)
         f[row], by_x[row] = own.f, own.by_x
         if derivatives:
@@ -796,8 +620,7 @@ def _slopes(
     limbs: Limbs, q: Array, x: Array, g: Array, by_pose: Array, by_q: Array, by_g: Array, own: Room
 ) -> None:
     for row in range(len(q)):
-        if row == 0 or len(g) > 1:
-            set_geometry(limbs, g[min(row, len(g) - 1)], own)
+        set_sample(limbs, g, row, own)
         place(limbs, q[row], x[row], FULL, own)
         moved(limbs, by_pose[row], own, by_q[row], by_g[row])
 
@@ -834,10 +657,9 @@ def joints_for(
     m, k, r, t = limbs.sizes[M], limbs.sizes[K], limbs.sizes[R], limbs.sizes[T]
     count = m + k - t
     slope = np.zeros((r, count))
-    own, last = room(limbs, size), len(g) - 1
+    own = room(limbs, size)
     for row in range(len(task)):
-        if row == 0 or last > 0:
-            set_geometry(limbs, g[min(row, last)], own)
+        set_sample(limbs, g, row, own)
         for i in range(t):
             x[row, i] = task[row, i]
         good = False
@@ -868,35 +690,3 @@ def joints_for(
                 break
         if not good:
             q[row] = np.nan
-
-
-@compiled(borrows=True)
-def least_step(slope: Array, f: Array, damping: float, system: Array, step: Array) -> bool:
-    """The step J^T (J J^T + damping)^-1 f, or J^-1 f where J is square and nothing is damped."""
-    r, count = slope.shape
-    if r == count and damping == 0.0:
-        for i in range(r):
-            for j in range(r):
-                system[i, j] = slope[i, j]
-            system[i, r] = f[i]
-        if not solve(system, r, 1):
-            return False
-        for i in range(r):
-            step[i] = system[i, r]
-        return True
-    for i in range(r):
-        for j in range(r):
-            total = 0.0
-            for u in range(count):
-                total += slope[i, u] * slope[j, u]
-            system[i, j] = total
-        system[i, i] += damping + 2.3e-16
-        system[i, r] = f[i]
-    if not solve(system, r, 1):  # with pivoting: rank deficient if closures outnumber unknowns
-        return False
-    for j in range(count):
-        total = 0.0
-        for i in range(r):
-            total += slope[i, j] * system[i, r]
-        step[j] = total
-    return True

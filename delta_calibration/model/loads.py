@@ -33,6 +33,7 @@ from delta_calibration.model.chain_constants import (
     OF_TIGHTNESS,
     OF_WEIGHT,
 )
+from delta_calibration.model.elimination import solve_definite, squares
 from delta_calibration.model.jit import call, compiled, record
 from delta_calibration.model.kernels import (
     BESIDE,
@@ -56,8 +57,7 @@ from delta_calibration.model.kernels import (
     room,
     same,
     set_geometry,
-    solve_definite,
-    squares,
+    set_sample,
     weigh,
 )
 
@@ -605,12 +605,10 @@ def every(
 @compiled()
 def pulls(limbs: Limbs, size: int, bearing: Bearing, x: Array, g: Array, load: Array) -> Array:
     """Pulls of the limbs that bear dU/dx = load (n, k) at poses x (n, k), (n, R)."""
-    n, last = len(x), len(g) - 1
-    own, found = room(limbs, size), carried(limbs, bearing, size)
+    n, own, found = len(x), room(limbs, size), carried(limbs, bearing, size)
     every_pull = np.empty((n, limbs.sizes[R]))
     for row in range(n):
-        if row == 0 or last > 0:
-            set_geometry(limbs, g[min(row, last)], own)
+        set_sample(limbs, g, row, own)
         place(limbs, found.still, x[row], BESIDE, own)
         _pulls(limbs, bearing.pretension, own, load[row], every_pull[row])
     return every_pull

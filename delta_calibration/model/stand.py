@@ -109,11 +109,12 @@ class Body(NamedTuple):
 
 @record
 class Stages(NamedTuple):
-    """Effects of drives, structure and base, and what they need."""
+    """Effects of drives, structure, base and reflector, and what they need."""
 
     drive: Table
     structure: Table
     base: Table
+    reflector: Table
     asked: int  # flags of the loads that they need
     loaded: Index  # parameters of a limb whose dU/dg is needed
     stands: bool  # whether they need the pose
@@ -139,6 +140,7 @@ class State(NamedTuple):
     drive: Array  # workspaces of the terms
     structure: Array
     base: Array
+    reflector: Array
     joint: Array  # (m,) behind the drives
     aside: Array  # (m,) the same a little aside of the pose
     derived_at: Array  # (k,) pose of `Room.by_drives`; NaN: none yet
@@ -166,6 +168,7 @@ def state_of(body: Body, stages: Stages) -> State:
         stages.drive.work.copy(),
         stages.structure.work.copy(),
         stages.base.work.copy(),
+        stages.reflector.work.copy(),
         np.zeros(limbs.sizes[M]),
         np.zeros(limbs.sizes[M]),
         np.full(limbs.sizes[K], np.nan),

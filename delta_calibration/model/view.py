@@ -3,13 +3,14 @@
 For one sample, with p(x, o) the reflector's place on a platform at pose x and R, t the frame,
 
     before = R (p + d + b x p) + t      (d, b) = B(c, v)      reading = before + M(c, before, v)
+    o = o_0 + O(c, v)
 
-d, b being shift and rotation [m, rad] of the base by the effects of its support, and M the effects
-of the measurement. Derivatives by all of theta follow from the closure (the
-implicit function theorem) at the machine as it stands under the sample's conditions, and from the
-derivatives of the effects' laws. Loads count as constant in the derivatives: they change by only a
-thousandth as the pose does. Where closures outnumber the coordinates of the pose, terms
-proportional to what the closures miss are left out.
+d, b being shift and rotation [m, rad] of the base by the effects of its support, O those by which
+the reflector moves on the platform, and M the effects of the measurement. Derivatives by all of
+theta follow from the closure (the implicit function theorem) at the machine as it stands under the
+sample's conditions, and from the derivatives of the effects' laws. Loads count as constant in the
+derivatives: they change by only a thousandth as the pose does. Where closures outnumber the
+coordinates of the pose, terms proportional to what the closures miss are left out.
 """
 
 from __future__ import annotations
@@ -88,6 +89,8 @@ class Room(NamedTuple):
     moved: Array  # (3,) [m] reflector in the frame of the base without loads
     shift: Array  # (6,) [m, rad] of the base
     by_base: Array  # (3, 6) d(before) by it
+    offset: Array  # (3,) [m] of the reflector in the platform, moved by its effects
+    by_offset: Array  # (3, 3) d(before) by it
     aside: Array  # (k,) pose a moment away
     there: Array  # (3,) [m] where the reflector is then
 
@@ -131,7 +134,9 @@ def _place_reflector(
     """Evaluate the law of the reflector's place and transform it to the device's frame."""
     state = room.state
     work, first = state.carried.point, body.bearing.point_at[2]
-    point_at(body.bearing, x, device.offset, work)
+    copy_into(room.offset, device.offset)
+    add_shift(stages.reflector, sample, theta, state.reflector, room.offset)
+    point_at(body.bearing, x, room.offset, work)
     if len(stages.base.law):
         _move_base(stages, device, sample, theta, first, room)
     for i in range(3):
@@ -155,21 +160,27 @@ def _by_pose(body: Body, turned: Array, asked: int, state: State, slope: Array) 
 
 
 @compiled(borrows=True)
-def _by_device(body: Body, device: Device, turned: Array, state: State, jacobian: Array) -> None:
+def _by_offset(body: Body, room: Room) -> None:
+    """d(before) by the reflector's offset in the platform, into `room.by_offset` (3, 3)."""
+    work, first = room.state.carried.point, body.bearing.point_at[4]
+    for i in range(3):
+        for c in range(3):
+            room.by_offset[i, c] = 0.0
+            for j in range(3):
+                room.by_offset[i, c] += room.turned[i, j] * work[first + 3 * j + c]
+
+
+@compiled(borrows=True)
+def _by_device(body: Body, device: Device, room: Room, jacobian: Array) -> None:
     """Columns of reflector offset and of device turn and place, into `jacobian` (3, P)."""
-    work, first, by_offset = (
-        state.carried.point,
-        body.bearing.point_at[2],
-        body.bearing.point_at[4],
-    )
+    work, first = room.state.carried.point, body.bearing.point_at[2]
     offset, turn, origin = device.at[0], device.at[1], device.at[2]
     for i in range(3):
         for c in range(3):
-            along, across = 0.0, 0.0
+            across = 0.0
             for j in range(3):
-                along += turned[i, j] * work[by_offset + 3 * j + c]
                 across += device.turning[i, j, c] * work[first + j]
-            jacobian[i, offset + c] = along
+            jacobian[i, offset + c] = room.by_offset[i, c]
             jacobian[i, turn + c] = across
             jacobian[i, origin + c] = 1.0 if i == c else 0.0
 
@@ -196,8 +207,10 @@ def _derive(
     moved(body.limbs, slope, own.room, by_joints, jacobian)
     slopes_into(stages.drive, sample, own.drive, by_joints, jacobian)
     slopes_into(stages.structure, sample, own.structure, jacobian, jacobian)
-    if asked != POSES:  # a pose is relative to the base
+    if asked != POSES:  # a pose is relative to the base, and has no reflector
+        _by_offset(body, room)
         slopes_into(stages.base, sample, own.base, room.by_base, jacobian)
+        slopes_into(stages.reflector, sample, own.reflector, room.by_offset, jacobian)
 
 
 @compiled(borrows=True)
@@ -307,7 +320,7 @@ def _see_each(
             sample[accelerations + i] = around[i]
         add_shift(last, sample, theta, room.last, reading)
         if asked == READINGS:
-            _by_device(body, device, room.turned, own, found.jacobian[row])
+            _by_device(body, device, room, found.jacobian[row])
             slopes_into(last, sample, room.last, room.unit, found.jacobian[row])
 
 
@@ -329,7 +342,7 @@ def see(
 
     Args:
         body: the mechanism.
-        stages: effects of drives, structure and base.
+        stages: effects of all stages before the reading.
         last: those of the measurement.
         device: reflector and frame, the fields of `Device`.
         signals: (n, S) as recorded.
@@ -361,8 +374,22 @@ def see(
     turned, moved_to, by_base = device[1].copy(), np.zeros(3), np.zeros((3, 6))
     state, work = state_of(body, stages), last.work.copy()
     aside, there = np.zeros(k), np.zeros(3)
-    shift = np.zeros(6)
-    room = Room(state, sample, work, slope, unit, turned, moved_to, shift, by_base, aside, there)
+    shift, offset, by_offset = np.zeros(6), np.zeros(3), np.zeros((3, 3))
+    room = Room(
+        state,
+        sample,
+        work,
+        slope,
+        unit,
+        turned,
+        moved_to,
+        shift,
+        by_base,
+        offset,
+        by_offset,
+        aside,
+        there,
+    )
     own = Device(device[0], device[1], device[2], device[3], device[4])
     _see_each(body, stages, last, own, signals, g, theta, near, stray, asked, found, room)
     return found

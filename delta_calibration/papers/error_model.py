@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from delta_calibration.estimation.problem import Problem, robust_weights
+from delta_calibration.estimation.problem import Problem
+from delta_calibration.estimation.solver import robust_weights
 from delta_calibration.papers.pose_residual import LinearResidual
 from delta_calibration.papers.swarm import Box
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from delta_calibration.errors import InputError
 from delta_calibration.estimation.method import Fit, LeastSquares, Method, Watch
-from delta_calibration.estimation.problem import Near, Problem, solution_at, spread_of
+from delta_calibration.estimation.problem import Near, Problem
+from delta_calibration.estimation.solver import solution_at, spread_of
 from delta_calibration.papers.alternating import in_turn
 from delta_calibration.papers.error_model import box_of, error_model
 from delta_calibration.papers.pose_residual import LinearResidual

@@ -95,7 +95,7 @@ def confirmed(earlier: Identified, poses: Poses, noise: Noise, robot: Robot) -> 
     if not as_stated:
         stated = replace(own, covariance=held.covariance(own.model.at(held.position)))
     return Confirmed(
-        Identified(chain, held.theta, stated),
+        Identified(chain, held.theta, stated, earlier.ended),
         held.missed @ held.turned,
         float(np.sqrt(np.trace(readings + told.whole, axis1=1, axis2=2).mean())),
         as_stated,

@@ -155,7 +155,7 @@ def examined_fit(found: Identification, poses: Poses, robot: Robot) -> Examined:
     return Examined(
         robot,
         poses,
-        Identified(found.chain, found.theta, found.uncertainty),
+        Identified(found.chain, found.theta, found.uncertainty, float(poses.time.max())),
         found.noise,
         found.region,
         found.region_joints,

@@ -8,6 +8,7 @@ typedef struct {
     int size_drawn, size_own, joint, rate, acceleration, direction, travel, payload, centre, time;
     int temperature, temperatures, needs_payload, needs_centre;
     Wholes needs_temperature;
+    double moment;
 } Given;
 
 static void idle(double *w) { (void)w; }
@@ -56,7 +57,7 @@ static int all_known(const conditions *at) {
 void conditions_at_rest(conditions *at) {
     for (int i = 0; i < CORRECT_JOINTS; i++)
         at->rate[i] = at->acceleration[i] = at->direction[i] = 0.0;
-    at->time = 0.0;
+    at->time = given.moment;
     at->payload = at->payload_centre[0] = at->payload_centre[1] = at->payload_centre[2] = NAN;
 #if CORRECT_TEMPERATURES
     for (int i = 0; i < CORRECT_TEMPERATURES; i++) at->temperature[i] = NAN;
