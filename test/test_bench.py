@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import socket
 import stat
 import sys
 import time
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import pytest
 
 pytest.importorskip("starlette", reason="needs the extra [serve]")
@@ -21,7 +23,7 @@ pytest.importorskip("sqlalchemy", reason="needs the extra [serve]")
 from starlette.testclient import TestClient
 
 from delta_calibration.bench import flow, runner
-from delta_calibration.bench.app import application, opened, write_door
+from delta_calibration.bench.app import application, opened, serve, write_door
 from delta_calibration.bench.cases import (
     ASKING,
     BAG,
@@ -651,6 +653,21 @@ def test_the_page_that_opens_the_browser_is_its_owners(tmp_path: Path) -> None:
         path = write_door(tmp_path, link)
         assert link in path.read_text()
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
+
+
+def test_a_port_that_is_taken_is_told_with_what_to_do(tmp_path: Path) -> None:
+    with socket.socket() as other, opened(tmp_path, MOST, watch=False) as bench:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        with pytest.raises(InputError, match=f"--port {port}: .*give another --port, or 0"):
+            serve(bench, "127.0.0.1", port, (), lambda _: None)
+
+
+def test_the_usual_port_is_not_that_of_foxglove() -> None:
+    """A cell may run foxglove_bridge, on 8765, beside the bench."""
+    verb = group.get_command(click.Context(group), "serve")
+    assert next(p.default for p in verb.params if p.name == "port") != 8765
 
 
 def test_one_server_a_folder(tmp_path: Path) -> None:

@@ -317,17 +317,19 @@ def test_the_command_writes_figures_and_page(
     assert f"{told['first']['deviation_after_um']:.1f} µm" in html
 
 
-def test_a_folder_that_is_not_there_is_refused_first(tmp_path: Path) -> None:
+def test_a_folder_in_which_nothing_was_written_is_removed(tmp_path: Path) -> None:
     arguments = ["--robot", "scara", "--json", str(tmp_path / "no" / "x.json")]
     assert run(["circle", str(tmp_path), *arguments]) == 2
+    assert not (tmp_path / "no").exists()
 
 
 def test_figures_are_printed_alone_where_no_file_is_named(
     session: Session, found: CircleTest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write_session(tmp_path / "session", session)
-    assert run(["circle", str(tmp_path / "session"), "--robot", "scara", "--json"]) == 0
+    assert run(["circle", str(tmp_path / "session"), "--robot", "scara", "-v", "--json"]) == 0
     printed = capsys.readouterr()
+    assert "tried on the calibrated model" in printed.err
     assert json.loads(printed.out)["deviation_um"] == pytest.approx(
         1e6 * found.deviation, rel=1e-3
     )

@@ -200,13 +200,21 @@ def test_no_such_robot_session_or_plan(cell, tmp_path, capsys):
     assert "identify" in line
 
 
-def test_output_folder_is_checked_before_the_work(cell, capsys):
+def test_output_folder_is_checked_before_the_work(cell, tmp_path, capsys):
+    (tmp_path / "file").touch()
     line = line_of_error(
         capsys,
-        ["fit", str(cell / "session"), "--robot", ROBOT, "--out", "no/such/folder/c.yaml"],
+        [
+            "fit",
+            str(cell / "session"),
+            "--robot",
+            ROBOT,
+            "--out",
+            str(tmp_path / "file" / "c.yaml"),
+        ],
         2,
     )
-    assert "no/such/folder" in line
+    assert "file is not a folder" in line
 
 
 def test_missing_topic(cell, capsys):

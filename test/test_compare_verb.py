@@ -208,9 +208,10 @@ def test_compare_refuses_what_cannot_be_compared(
 def test_report_refuses_before_any_work(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = str(tmp_path / "nowhere" / "page.html")
+    (tmp_path / "file").write_text("")
+    out = str(tmp_path / "file" / "page.html")
     assert run(["report", str(tmp_path), "--robot", "srbd", "--out", out]) == 2
-    assert "does not exist" in capsys.readouterr().err
+    assert "file is not a folder" in capsys.readouterr().err
 
 
 def test_the_terminal_is_spared_the_glossary(

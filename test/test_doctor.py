@@ -199,8 +199,8 @@ def test_nothing_is_written_where_nothing_is_mended(
     write_session(tmp_path / "clean", case_of("linear_delta").session)
     out = tmp_path / "out"
     words = ["check", str(tmp_path / "clean"), "--robot", "linear_delta", "--fix", str(out)]
-    assert run(words) == 2
-    assert "there is nothing to correct" in capsys.readouterr().err
+    assert run(words) == 0  # 1 would say that a mistake was found
+    assert "out: there is nothing to correct" in capsys.readouterr().out
     assert not out.exists()
 
 
@@ -245,6 +245,20 @@ def test_fix_is_not_promised_where_nothing_explains_the_session(
     said = capsys.readouterr().err
     assert "with a mistake (wrong robot): `delta-cal check` explains it; --force" in said
     assert not out.exists()
+
+
+def test_history_advises_no_force_that_it_does_not_have(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("sqlalchemy", reason="needs the extra [history]")
+    made = KINDS["tracker_shifted"](case_of("linear_delta"), 0)
+    write_session(tmp_path / "moved", made.session)
+    store = ["--machine", "m", "--store", str(tmp_path / "h.sqlite")]
+    words = ["history", "add", str(tmp_path / "moved"), "--robot", "linear_delta", *store]
+    assert run(words) == 1
+    said = capsys.readouterr().err
+    assert "no calibration is written from a session with a mistake" in said
+    assert "--force" not in said
 
 
 def test_by_force_it_is(tmp_path: Path) -> None:

@@ -202,7 +202,6 @@ def test_effects_take_part_in_points(files, tmp_path, capsys):
         ("srbd", "dh", "a.yaml", [], "is a rotary_delta; DH tables"),
         ("cdpr8", "csv", "a.csv", ["--points", "no.csv"], "8 joints command 6 coordinates"),
         ("srbd", "csv", "a.csv", ["--points", "no.csv"], "no.csv: cannot be read"),
-        ("srbd", "urdf", "no/a.urdf", [], "does not exist"),
     ],
 )
 def test_what_does_not_fit_is_refused(name, form, out, more, said, files, tmp_path, capsys):

@@ -55,6 +55,26 @@ def test_a_named_plan_is_read_back_as_it_was(tmp_path, name):
     assert len({path.name for path in plan.paths}) == len(plan.paths)
 
 
+def test_separate_is_a_plan_by_name(tmp_path):
+    """The name alone, or with two causes; the same stops as those of --separate."""
+    code, plain = run_plan(tmp_path, "--name", "separate", "--count", "6")
+    assert (code, len(plain)) == (0, 6)
+    causes = ("joint_compliance", "joint_zero_offset")
+    code, named = run_plan(tmp_path, "--name", f"separate:{','.join(causes)}", "--count", "6")
+    code_too, asked = run_plan(tmp_path, "--separate", *causes, "--count", "6")
+    assert code == code_too == 0
+    np.testing.assert_array_equal(named.target, asked.target)
+    made = make_plan(f"separate:{','.join(causes)}", ROBOT, count=6)
+    np.testing.assert_allclose(named.target, made.target, atol=1e-9)
+    assert set(make_plan("separate", ROBOT, count=6).direction) == {-1.0, 1.0}
+
+
+@pytest.mark.parametrize("name", ["separate:backlash", "separate:", "separate:a,b,c"])
+def test_a_plan_that_separates_needs_two_causes(name):
+    with pytest.raises(InputError, match="two causes are expected, as separate:CAUSE,CAUSE"):
+        make_plan(name, ROBOT)
+
+
 def test_a_written_plan_is_simulated(tmp_path, capsys):
     assert run_plan(tmp_path, "--name", "rich", "--count", "2")[0] == 0
     plan, session = str(tmp_path / "poses.csv"), str(tmp_path / "session")

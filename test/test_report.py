@@ -556,8 +556,12 @@ def test_a_mistake_in_the_session_is_told_first(
     moved = replace(recorded, tracker=replace(tracker, position=place))
     write_session(tmp_path / "moved", moved, {})
     page = tmp_path / "page.html"
-    assert run(["report", str(tmp_path / "moved"), "--robot", "srbd", "--out", str(page)]) == 0
-    assert "warning: tracker moved in tracker (10.0" in capsys.readouterr().out
+    assert (
+        run(["report", str(tmp_path / "moved"), "--robot", "srbd", "--out", str(page), "-v"]) == 0
+    )
+    said = capsys.readouterr().out
+    assert "warning: tracker moved in tracker (10.0" in said
+    assert "tried on the calibrated model" in said
     text = page.read_text(encoding="utf-8")
     first = text.index("Mistake in the session")
     assert text.index("tracker moved in tracker (10.0", first) < text.index("What is wrong", first)

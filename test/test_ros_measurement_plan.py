@@ -284,9 +284,10 @@ def test_when_a_listener_is_gone_it_stops(bench: Bench, launch: Launch, points: 
     ("name", "value", "error", "said"),
     [
         ("plan", "/no/such/points.csv", InputError, "/no/such/points.csv: cannot be read"),
-        ("dwell", -1.0, InputError, "dwell"),
+        ("dwell", -1.0, InputError, r"^parameter dwell: -1.0 is not in \[0.0, 3600.0\]$"),
         ("rate", 50, InputError, "parameter rate: 50 is not of type float; write 50.0"),
         ("plan", "far.csv", ReachError, "point 1"),
+        ("plan", "separate:backlash", InputError, "two causes are expected"),
     ],
 )
 def test_wrong_parameters_are_refused(

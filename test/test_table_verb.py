@@ -129,6 +129,7 @@ def test_options_of_a_table_beside_another_method_are_refused(cell, capsys):
     for option, value in (("--table", "a.npz"), ("--table-by", "apso"), ("--table-bound-um", "1")):
         assert compensate(cell, "plain", "newton", option, value) == 2
         assert f"{option} is for --method table, not newton" in capsys.readouterr().err
-    assert compensate(cell, "plain", "table", "--table", str(cell / "no" / "a.npz")) == 2
-    assert "the folder" in capsys.readouterr().err
+    (cell / "table.csv").touch()
+    assert compensate(cell, "plain", "table", "--table", str(cell / "table.csv" / "a.npz")) == 2
+    assert "table.csv is not a folder" in capsys.readouterr().err
     assert compensate(cell, "plain", "table", "--table-bound-um", "2") == 2

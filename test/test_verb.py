@@ -84,6 +84,57 @@ def test_the_result_of_the_last_run_is_written_anew(here: Path) -> None:
     assert (here / "session" / "calibration.yaml").is_file()
 
 
+@pytest.mark.parametrize(
+    ("typed", "said"),
+    [
+        ("fit session --robot srbd --out r.yaml", "r.yaml: exists and is a robot file, not a cal"),
+        ("diagnose session --robot srbd --json r.yaml", "a robot file, not a JSON file"),
+        ("diagnose session --robot srbd --json bag.mcap", "is a recording, not a JSON file"),
+        ("diagnose session --robot srbd --report t.csv", "a file of another kind, not a page"),
+        ("report session --robot srbd --out old.json", "is a JSON file, not a page"),
+        ("check session --robot srbd --json t.csv", "a file of another kind, not a JSON file"),
+        ("plan --robot srbd --name line --out r.yaml", "is a robot file; name another"),
+        ("plan --robot srbd --name line --out bag.mcap", "is a recording; name another"),
+        ("robot new --mechanism serial_arm --yes --out r.yaml", "replace it with --force"),
+    ],
+)
+def test_a_file_of_another_kind_is_not_replaced(
+    here: Path, typed: str, said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copy(next((here / "session").glob("*.mcap")), here / "bag.mcap")
+    (here / "old.json").write_text('{"schema": 1}')
+    before = content(here)
+    assert run(typed.split()) == 2
+    assert said in capsys.readouterr().err
+    assert content(here) == before
+
+
+def test_by_force_a_file_of_another_kind_is_replaced(here: Path) -> None:
+    assert run(["plan", "--robot", "srbd", "--name", "line", "--out", "r.yaml", "--force"]) == 0
+    assert (here / "r.yaml").read_text().startswith("x_mm")
+    assert run(["fit", "session", "--robot", "srbd", "--out", "t.csv", "--force"]) == 0
+    assert "model: " in (here / "t.csv").read_text()
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        "plan --robot srbd --name line --out a/b/poses.csv",
+        "fit session --robot srbd --out a/b/calibration.yaml",
+        "check session --robot srbd --json a/b/check.json",
+        "urdf --robot srbd --out a/b/srbd.urdf",
+    ],
+)
+def test_missing_folders_are_made(here: Path, typed: str) -> None:
+    assert run(typed.split()) == 0
+    assert len(list((here / "a" / "b").iterdir())) == 1
+
+
+def test_of_a_verb_that_failed_no_folder_is_left(here: Path) -> None:
+    assert run(["fit", "nothing", "--robot", "srbd", "--out", "a/b/calibration.yaml"]) == 2
+    assert not (here / "a").exists()
+
+
 def test_several_results_may_fill_one_folder(here: Path) -> None:
     typed = "report session --robot r.yaml --out page.html --numbers made --figures made"
     assert run(typed.split()) == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import secrets
@@ -33,6 +34,7 @@ _STATIC = {  # name: folder in the package, media type
     "bench.css": (("bench", "static"), "text/css"),
     "bench.js": (("bench", "static"), "text/javascript"),
 }
+_TAKEN = "; another program listens there: give another --port, or 0 for a free one"
 _FORMS = 4 << 20  # most bytes of a form without its files
 
 
@@ -129,7 +131,7 @@ def serve(
         except OSError as error:
             raise InputError(
                 f"--address {address} --port {port}: cannot be opened for listening: "
-                f"{error.strerror or error}"
+                f"{error.strerror or error}{_TAKEN if error.errno == errno.EADDRINUSE else ''}"
             ) from error
         listening.listen()
         port = listening.getsockname()[1]

@@ -15,7 +15,7 @@ from delta_calibration.cli.options import (
     topics_option,
     write_json,
 )
-from delta_calibration.cli.verb import OUTPUT, verb
+from delta_calibration.cli.verb import NEW_FOLDER, OUTPUT, verb
 from delta_calibration.data import Session
 from delta_calibration.doctor import Checked, Mistake, check, examine, lacks_joints
 from delta_calibration.documents import write_document
@@ -23,6 +23,10 @@ from delta_calibration.errors import DataError, InputError, MistakeError
 from delta_calibration.recording import Topics, read_session, write_session
 from delta_calibration.robot import Robot, robot_document
 from delta_calibration.wording import listed, spoken
+
+FORCE_ADVICE = (
+    "; --force writes the calibration anyway, unless the errors are too large for this robot"
+)
 
 
 @verb("check")
@@ -37,7 +41,7 @@ from delta_calibration.wording import listed, spoken
 )
 @click.option(
     "--fix",
-    type=OUTPUT,
+    type=NEW_FOLDER,
     default=None,
     metavar="OUT",
     help="Folder to write the corrected session to; a corrected robot file is written beside it.",
@@ -109,7 +113,8 @@ def _described(mistake: Mistake) -> str:
 
 def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
     if not checked.found:
-        raise InputError(f"{out}: not written: there is nothing to correct")
+        click.echo(f"not written: {out}: there is nothing to correct")
+        return
     if not checked.resolved:
         raise DataError(f"{out}: not written: the mistake is not known well enough to correct it")
     undone = [m for m in checked.found if not m.is_alternative]
@@ -129,7 +134,12 @@ def _write_mended(out: Path, checked: Checked, recorded: Session) -> None:
 
 
 def warn_of_mistakes(
-    session: Session, robot: Robot, robot_file: str, force: bool, out: bool
+    session: Session,
+    robot: Robot,
+    robot_file: str,
+    force: bool,
+    out: bool,
+    can_force: bool = True,
 ) -> tuple[Mistake, ...]:
     """Check a session before it is fitted; print and return the mistakes that are found.
 
@@ -139,6 +149,7 @@ def warn_of_mistakes(
         robot_file: name of its file.
         force: continue even if a mistake is found.
         out: whether a calibration is to be written.
+        can_force: whether the verb has `--force`, which the message then advises.
 
     Raises:
         InputError: the session lacks joints of the robot, so that nothing can be fitted.
@@ -146,7 +157,7 @@ def warn_of_mistakes(
     """
     checked = checked_before(session, robot, robot_file)
     if out and not force:
-        require_no_mistake(session, checked)
+        require_no_mistake(session, checked, can_force)
     return checked.found
 
 
@@ -165,8 +176,13 @@ def checked_before(session: Session, robot: Robot, robot_file: str) -> Checked:
     return checked
 
 
-def require_no_mistake(session: Session, checked: Checked) -> None:
+def require_no_mistake(session: Session, checked: Checked, can_force: bool = True) -> None:
     """Refuse to write a calibration from a session with a mistake.
+
+    Args:
+        session: as recorded.
+        checked: what the check found.
+        can_force: whether the verb has `--force`, which the message then advises.
 
     Raises:
         MistakeError: a mistake was found.
@@ -175,6 +191,6 @@ def require_no_mistake(session: Session, checked: Checked) -> None:
         raise MistakeError(
             f"{session.source}: no calibration is written from a session with a mistake "
             f"({_named(checked.found)}): `delta-cal check` "
-            f"explains it{' and corrects it (--fix)' if checked.resolved else ''}; --force writes "
-            "the calibration anyway"
+            f"explains it{' and corrects it (--fix)' if checked.resolved else ''}"
+            f"{FORCE_ADVICE if can_force else ''}"
         )

@@ -22,7 +22,7 @@ from delta_calibration.circle_test import (
     read_ballbar,
 )
 from delta_calibration.cli.check import warn_of_mistakes
-from delta_calibration.cli.diagnose import describe, diagnosed
+from delta_calibration.cli.diagnose import TRIED, describe, diagnosed, tried
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.options import (
     SESSION,
@@ -32,6 +32,7 @@ from delta_calibration.cli.options import (
     seed_option,
     table,
     topics_option,
+    verbose_option,
     write_json,
 )
 from delta_calibration.cli.quantity import Quantity
@@ -84,6 +85,7 @@ _BALLBAR = 1.0  # [um]
 @model_option
 @seed_option
 @topics_option
+@verbose_option(TRIED)
 def command(
     session: Path,
     robot_file: str,
@@ -93,6 +95,7 @@ def command(
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
+    verbose: bool,
 ) -> None:
     """Evaluate the circles in SESSION and attribute their deviation to causes.
 
@@ -113,8 +116,8 @@ def command(
         require_libraries()
     robot = load_robot(robot_file)
     is_table = session.suffix.lower() == ".csv"
-    if is_table and (model or topics):
-        raise InputError("--model and --topic are for sessions, not for a ballbar's table")
+    if is_table and (model or topics or verbose):
+        raise InputError("--model, --topic and -v are for sessions, not for a ballbar's table")
     if not is_table and noise_um is not None:
         raise InputError(
             "--noise-um is for a ballbar's table; the noise of a session is found from its data"
@@ -124,7 +127,7 @@ def command(
             noise = _BALLBAR if noise_um is None else noise_um
             test, made_of = _of_table(session, robot, noise, seed)
         else:
-            test, made_of = _of_session(session, robot, robot_file, model, seed, topics)
+            test, made_of = _of_session(session, robot, robot_file, model, seed, topics, verbose)
         click.echo("\n" + described(test, robot.named))
         if json_file not in (None, PRINTED):
             write_json(Path(str(json_file)), as_json(test))
@@ -143,6 +146,7 @@ def _of_session(
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
+    verbose: bool,
 ) -> tuple[CircleTest, Provenance]:
     recorded = read_session(path, Topics.from_options(topics))
     warn_of_mistakes(recorded, robot, robot_file, force=True, out=False)
@@ -153,6 +157,8 @@ def _of_session(
     click.echo(describe(found.verdict, named=robot.named))
     for text in found.doubts:
         click.echo(f"warning: {text}")
+    if verbose:
+        click.echo(tried(found, robot.named))
     made_of = session_provenance(path, seen.poses, robot, seed, recorded.metadata, None)
     return test, made_of
 

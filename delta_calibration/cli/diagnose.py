@@ -24,6 +24,7 @@ from delta_calibration.cli.options import (
     seed_option,
     table,
     topics_option,
+    verbose_option,
     write_json,
     write_text,
 )
@@ -46,6 +47,7 @@ from delta_calibration.report import require_libraries, write_page
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.wording import listed, measured, mm, plain, sure
 
+TRIED = "Also list everything that was tried, with its score."
 _VALUES = 16  # values of a cause that are listed at most, the clearest ones
 
 
@@ -82,9 +84,7 @@ _VALUES = 16  # values of a cause that are listed at most, the clearest ones
 @seed_option
 @topics_option
 @force_option
-@click.option(
-    "-v", "--verbose", is_flag=True, help="Also list everything that was tried, with its score."
-)
+@verbose_option(TRIED)
 def command(
     session: Path,
     robot_file: str,

@@ -29,6 +29,7 @@ from delta_calibration.cli.options import (
     seed_option,
     table,
     topics_option,
+    verbose_option,
 )
 from delta_calibration.cli.priors import population_in, priors_option
 from delta_calibration.cli.verb import OUTPUT, verb
@@ -88,12 +89,7 @@ _CLEAR = 3.0  # standard errors by which a parameter must differ from the drawin
 @seed_option
 @topics_option
 @force_option
-@click.option(
-    "-v",
-    "--verbose",
-    is_flag=True,
-    help="Also list all unidentified combinations and all strong correlations.",
-)
+@verbose_option("Also list all unidentified combinations and all strong correlations.")
 def command(
     session: Path,
     robot_file: str | None,

@@ -166,7 +166,7 @@ def _add(
         return
     with at_hand(path) as folder:
         recorded = read_session(folder, Topics.from_options(topics))
-    warn_of_mistakes(recorded, robot, given, False, True)
+    warn_of_mistakes(recorded, robot, given, force=False, out=True, can_force=False)
     seen = survey(recorded, robot.joints.names, robot.commanded.joint_size)
     entry = entry_of(machine, name, path, digest, seen.poses, *make(seen), topics)
     store.add(entry, given, robot.machine_hash)

@@ -15,7 +15,7 @@ from delta_calibration import __version__
 from delta_calibration.cli.options import robot_option, write_json
 from delta_calibration.cli.options import table as columns_of
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.cli.verb import OUTPUT, verb
+from delta_calibration.cli.verb import NEW_FOLDER, OUTPUT, verb
 from delta_calibration.documents import write_document
 from delta_calibration.errors import CalibrationError, DataError, InputError
 from delta_calibration.files import read_bounded
@@ -123,7 +123,7 @@ def _list_presets(context: click.Context, _option: click.Parameter, asked: bool)
     help="Write what --guess proposes to this JSON file: mapping, first rows, what is in doubt.",
 )
 @robot_option
-@click.option("--out", type=OUTPUT, default=None, help="Folder of the session to write.")
+@click.option("--out", type=NEW_FOLDER, default=None, help="Folder of the session to write.")
 def command(
     table: Path,
     mapping_file: Path | None,

@@ -101,6 +101,11 @@ def in_force_option(function: Function) -> Function:
     )(function)
 
 
+def verbose_option(said: str) -> Callable[[Function], Function]:
+    """`-v`; `said` is its help text."""
+    return click.option("-v", "--verbose", is_flag=True, help=said)
+
+
 def figures_option(function: Function) -> Function:
     """`--figures`."""
     return click.option(
@@ -255,12 +260,16 @@ def force_option(function: Function) -> Function:
     return click.option(
         "--force",
         is_flag=True,
-        help="Write the calibration even if `delta-cal check` finds a mistake in the session.",
+        help="Write the calibration even if `delta-cal check` finds a mistake in the session, and "
+        "replace an existing file of another kind. Errors that are too large for the robot are "
+        "refused all the same: the session is another robot's, or joint zeros or units differ.",
     )(function)
 
 
 def require_folder(path: Path, folder: bool = False) -> None:
     """Refuse an output whose folder does not exist, before any work is done.
+
+    A `Verb` has made the folders of its outputs before.
 
     Args:
         path: of the output.

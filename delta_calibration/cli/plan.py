@@ -38,6 +38,7 @@ from delta_calibration.errors import InputError
 from delta_calibration.history import Prospect, prospect
 from delta_calibration.plans import PLACES, Plan, make_plan, write_plan
 from delta_calibration.plans.bench import SLOTS, StopConditions
+from delta_calibration.plans.named import SEPARATE, SEPARATED, causes_in
 from delta_calibration.plans.optimal import OptimalPlan, optimal_plan
 from delta_calibration.plans.parting import Parting, part
 from delta_calibration.plans.renewal import UPDATE_PLACES, Renewal, renewal_plan
@@ -54,9 +55,10 @@ _PAYLOAD = 2.0  # [kg]
     "--name",
     default=None,
     metavar="NAME",
-    help="Name of a plan: line, disc, iso9283, identify, circles, rich (the same names as in "
-    "`simulate` and the nodes). `identify` spreads its poses over the workspace; the option "
-    "--identify selects optimal ones.",
+    help="Name of a plan: line, disc, iso9283, identify, separate, circles, rich (the same names "
+    "as in `simulate` and the nodes). `separate:CAUSE,CAUSE` is --separate CAUSE CAUSE; "
+    f"`separate` distinguishes {SEPARATED[0]} from {SEPARATED[1]}. `identify` spreads its poses "
+    "over the workspace; the option --identify selects optimal ones.",
 )
 @click.option(
     "--identify",
@@ -142,6 +144,8 @@ def command(
     """
     if [name is not None, identify, update, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify, --update and --separate")
+    if name is not None and name.partition(":")[0] == SEPARATE:
+        separate, name = causes_in(name), None
     if update != (machine is not None):
         raise InputError(
             "--update and --machine must be given together: --machine names the history to extend"

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import click
 
-from delta_calibration.cli.verb import OUTPUT, verb
+from delta_calibration.cli.verb import NEW_FOLDER, verb
 from delta_calibration.recording.recovery import recover
 
 
 @verb("recover")
 @click.argument("bag", type=click.Path(path_type=Path))
-@click.option("--out", type=OUTPUT, required=True, help="Folder of the repaired bag.")
+@click.option("--out", type=NEW_FOLDER, required=True, help="Folder of the repaired bag.")
 def command(bag: Path, out: Path) -> None:
     """Write all readable messages of BAG to a new bag.
 

@@ -8,7 +8,7 @@ import click
 
 from delta_calibration.calibration_file import load_calibration
 from delta_calibration.cli.check import warn_of_mistakes
-from delta_calibration.cli.diagnose import diagnosed
+from delta_calibration.cli.diagnose import TRIED, diagnosed, tried
 from delta_calibration.cli.fit import describe_poses
 from delta_calibration.cli.making import report_on
 from delta_calibration.cli.options import (
@@ -21,6 +21,7 @@ from delta_calibration.cli.options import (
     robot_option,
     seed_option,
     topics_option,
+    verbose_option,
 )
 from delta_calibration.cli.verb import OUTPUT, verb
 from delta_calibration.data import collect, survey
@@ -56,6 +57,7 @@ PATH = click.Path(path_type=Path)
 @model_option
 @seed_option
 @topics_option
+@verbose_option(TRIED)
 def command(
     session: Path,
     robot_file: str,
@@ -67,6 +69,7 @@ def command(
     model: str | None,
     seed: int,
     topics: tuple[str, ...],
+    verbose: bool,
 ) -> None:
     """Diagnose SESSION and write the result as one HTML page that opens without a network.
 
@@ -89,6 +92,8 @@ def command(
     seen = survey(recorded, robot.joints.names, size)
     click.echo(describe_poses(seen.poses))
     found = diagnosed(seen, robot, model, seed, calibration)
+    if verbose:
+        click.echo(tried(found, robot.named))
     made = report_on(session, recorded, found, robot, seed, calibration, standard, mistakes)
     click.echo(f"verdict: {made.sentence}")
     write(made, out, figures, numbers)

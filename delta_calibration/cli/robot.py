@@ -12,7 +12,7 @@ import click
 import numpy as np
 
 from delta_calibration.cli.options import require_folder, robots, write_or_print, write_text
-from delta_calibration.cli.verb import OUTPUT, OUTPUTS, VerbGroup
+from delta_calibration.cli.verb import OUTPUT, OUTPUTS, VerbGroup, forced
 from delta_calibration.drafting import (
     OFFERED,
     Entry,
@@ -143,8 +143,8 @@ def new(
     a list by commas. Answers are checked at once. In the file, a comment explains every entry.
     """
     require_folder(out)
-    if out.exists():
-        raise InputError(f"{out}: already exists; name another file")
+    if out.exists() and not forced():
+        raise InputError(f"{out}: already exists; name another file, or replace it with --force")
     data = _begun(mechanism, model, ask=not yes)
     default = str(data["name"]) if yes else "my_robot"
     named = name or (default if yes else _prompted("name", str, default))
@@ -181,8 +181,8 @@ def from_urdf(urdf: Path, out: Path, tip: str | None, base: str | None, name: st
     file is written, it is checked that URDF and robot file put the tool at the same position.
     """
     require_folder(out)
-    if out.exists():
-        raise InputError(f"{out}: already exists; name another file")
+    if out.exists() and not forced():
+        raise InputError(f"{out}: already exists; name another file, or replace it with --force")
     draft = draft_from_urdf(urdf, base=base, tip=tip, name=name)
     robot_from(draft.document, str(urdf))
     write_text(out, commented(draft.document, draft.notes))

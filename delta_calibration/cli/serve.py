@@ -37,7 +37,7 @@ _MEGABYTE = 1 << 20
 @click.option(
     "--port",
     type=click.IntRange(0, 65535),
-    default=8765,
+    default=8766,  # foxglove_bridge, which a cell may run beside it, has 8765
     show_default=True,
     help="Port to listen on; 0 takes a free one.",
 )

@@ -11,7 +11,7 @@ import click
 from delta_calibration import __version__
 from delta_calibration.cli.options import duration, progress, robot_option, seed_option
 from delta_calibration.cli.quantity import Quantity
-from delta_calibration.cli.verb import OUTPUT, Verb
+from delta_calibration.cli.verb import NEW_FOLDER, Verb
 from delta_calibration.data import collect
 from delta_calibration.plans import Leg, make_plan
 from delta_calibration.recording import write_session
@@ -122,8 +122,8 @@ class Simulate(Verb):
     default="rich",
     show_default=True,
     metavar="NAME|CSV",
-    help="Name of a plan (line, disc, iso9283, identify, circles, rich) or a CSV file of x_mm, "
-    "y_mm, z_mm.",
+    help="Name of a plan (line, disc, iso9283, identify, separate, circles, rich) or a CSV file "
+    "of x_mm, y_mm, z_mm. `separate:CAUSE,CAUSE` distinguishes these causes, as `plan` does.",
 )
 @click.option(
     "--count",
@@ -154,7 +154,7 @@ class Simulate(Verb):
     help="Day on which the same machine is measured: tracker and reflector are set up again and "
     "the noise is new.",
 )
-@click.option("--out", type=OUTPUT, required=True, help="Folder of the session to write.")
+@click.option("--out", type=NEW_FOLDER, required=True, help="Folder of the session to write.")
 def command(
     robot_file: str,
     effects: tuple[str, ...],

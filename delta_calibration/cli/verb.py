@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import click
 
+from delta_calibration.cli.replacing import require_same_kind
 from delta_calibration.errors import InputError
 
+_FORCED = f"{__name__}.force"
 _BAG = {".mcap", ".db3", ".zstd"}  # files that a folder of a session consists of
 _ABOUT = {"metadata.yaml", "metadata.json"}
 
@@ -19,19 +22,35 @@ class Output(click.Path):
     """Type of the arguments that name a file or a folder to write."""
 
 
+class NewFolder(Output):
+    """Type of the arguments that name a session's folder, which is never written over."""
+
+
 OUTPUT = Output(path_type=Path)
+NEW_FOLDER = NewFolder(path_type=Path)
 OUTPUT_OR_PRINTED = Output()  # a text: the name of a file, or a mark
 OUTPUTS = Output(path_type=Path, file_okay=False)  # a folder, which several options may fill
 
 
 class Verb(click.Command):
-    """A verb that refuses to write over its inputs, or two results to one file."""
+    """A verb that protects files: its inputs, those of another kind, and its own results.
+
+    It refuses to write over what it reads, or over an existing file of another kind (unless
+    `--force` is given), or two results to one file. Missing folders of its outputs are made.
+    """
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        replaced = any(_is_file(parameter.type) for parameter in self.params)
+        if replaced and not any("--force" in parameter.opts for parameter in self.params):
+            self.params.append(_force())
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run the verb.
 
         Raises:
-            InputError: a file to write is also a file to read, or is to be written twice.
+            InputError: a file to write is also a file to read, is to be written twice, or exists
+                and is of another kind; or its folder cannot be made.
         """
         outputs = list(_files(ctx, lambda kind: isinstance(kind, Output)))
         inputs = _files(ctx, lambda kind: not isinstance(kind, Output))
@@ -45,7 +64,11 @@ class Verb(click.Command):
         for (name, path), (other, same) in combinations(files, 2):
             if path.resolve() == same.resolve():
                 raise InputError(f"{name} {path}: {other} writes to the same file; name another")
-        return super().invoke(ctx)
+        if not forced(ctx):
+            for name, path in _files(ctx, _is_file):
+                require_same_kind(self.name or "", name, path)
+        with _folders_of(path for _, path in outputs):
+            return super().invoke(ctx)
 
 
 class VerbGroup(click.Group):
@@ -57,6 +80,59 @@ class VerbGroup(click.Group):
 def verb(name: str, **options: Any) -> Callable[[Callable[..., Any]], Verb]:
     """Decorator that makes a verb of a function."""
     return click.command(name, cls=Verb, **options)
+
+
+def forced(ctx: click.Context | None = None) -> bool:
+    """Whether `--force` was given to the verb that runs."""
+    ctx = ctx or click.get_current_context()
+    return bool(ctx.params.get("force") or ctx.meta.get(_FORCED))
+
+
+def _force() -> click.Option:
+    """`--force` of a verb that writes files; asked for by `forced`."""
+    return click.Option(
+        ["--force"],
+        is_flag=True,
+        expose_value=False,
+        callback=lambda ctx, _, value: ctx.meta.update({_FORCED: value}),
+        help="Replace an existing file of another kind.",
+    )
+
+
+def _is_file(kind: Any) -> bool:
+    """Whether an argument of this type names a file that is written."""
+    return isinstance(kind, Output) and not isinstance(kind, NewFolder) and kind.file_okay
+
+
+@contextmanager
+def _folders_of(outputs: Iterable[Path]) -> Iterator[None]:
+    """Make the folders of outputs; at the end those in which nothing was written are removed.
+
+    Raises:
+        InputError: a folder cannot be made.
+    """
+    made: list[Path] = []
+    try:
+        for path in outputs:
+            _make(path, made)
+        yield
+    finally:
+        for folder in reversed(made):
+            with suppress(OSError):  # it has content
+                folder.rmdir()
+
+
+def _make(path: Path, made: list[Path]) -> None:
+    """Make the folders above an output, each added to `made`."""
+    try:
+        if path.parent.exists() and not path.parent.is_dir():
+            raise NotADirectoryError(f"{path.parent} is not a folder")
+        for folder in reversed([f for f in path.parents if not f.exists()]):
+            folder.mkdir(exist_ok=True)
+            made.append(folder)
+    except (OSError, ValueError) as error:  # ValueError: a text that is no name of a file
+        said = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: the folder {path.parent} cannot be made: {said}") from error
 
 
 def _files(ctx: click.Context, wanted: Callable[[Any], bool]) -> Iterator[tuple[str, Path]]:

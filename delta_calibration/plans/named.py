@@ -17,7 +17,9 @@ from delta_calibration.robot import Robot
 
 Array = NDArray[np.float64]
 
-PLANS = ("line", "disc", "iso9283", "identify", "circles", "rich")
+SEPARATE = "separate"
+SEPARATED = ("backlash", "geometry")  # by the plan `separate` without names of causes
+PLANS = ("line", "disc", "iso9283", "identify", SEPARATE, "circles", "rich")
 _FINE = 801  # points of a path: straight lines between them leave the circle by less than 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
 
@@ -38,14 +40,17 @@ def make_plan(
     Args:
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
             `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
-            (everything a diagnosis needs), `circles` (the circle test), or the path of a CSV file.
+            (everything a diagnosis needs), `circles` (the circle test), `separate:CAUSE,CAUSE`
+            (stops that distinguish two causes; backlash and geometry if none are named), or the
+            path of a CSV file.
         robot: decides which points are in reach.
         count: number of different points, cycles (`iso9283`) or stops on each circle (`circles`);
             each plan has its own default.
         dwell: at each stop [s].
         both_sides: approach each point from both sides in turn, unless a file states the side.
         radius: of the disc and of the covered part of the workspace [m].
-        payload: on the platform [kg], unless a file states it; the second payload, for `rich`.
+        payload: on the platform [kg], unless a file states it; the second payload, for `rich` and
+            `separate`.
         seed: seed of the random points and of the order.
 
     Raises:
@@ -69,6 +74,8 @@ def make_plan(
             return read_plan(Path(name_or_csv), robot, dwell, sides, payload)
         if name_or_csv == "rich":
             return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
+        if name_or_csv.partition(":")[0] == SEPARATE:
+            return _separate(name_or_csv, robot, count or 20, dwell, payload or 2.0, seed)
         if name_or_csv == "circles":
             return circles(robot, count, dwell, sides, radius, payload)
         if name_or_csv not in _POINTS:
@@ -84,6 +91,30 @@ def make_plan(
         raise ReachError(f"plan {name_or_csv}: {error}") from error
     paths = _iso9283_paths(robot, max(cycles // 3, 1), payload) if cycles else ()
     return Plan.around(name_or_csv, targets, joint, sides, dwell, payload, paths)
+
+
+def causes_in(name: str) -> tuple[str, str]:
+    """The two causes in the name of a plan, such as `separate:backlash,joint_zero_offset`.
+
+    Raises:
+        InputError: not two names.
+    """
+    if name == SEPARATE:
+        return SEPARATED
+    causes = [cause.strip() for cause in name.partition(":")[2].split(",")]
+    if len(causes) != 2 or not all(causes):
+        raise InputError(f"plan {name!r}: two causes are expected, as separate:CAUSE,CAUSE")
+    return causes[0], causes[1]
+
+
+def _separate(
+    name: str, robot: Robot, count: int, dwell: float, payload: float, seed: int
+) -> Plan:
+    """Make the plan `separate`: the stops that best distinguish two causes."""
+    from delta_calibration.plans.parting import part  # imports this module
+
+    causes = causes_in(name)
+    return part(robot, causes, count, payload=payload, dwell=dwell, seed=seed).plan
 
 
 def _places(

@@ -23,6 +23,7 @@ from sensor_msgs.msg import JointState
 
 from delta_calibration.errors import CalibrationError, DataError
 from delta_calibration.plans import PLANS, Plan, legs, make_plan
+from delta_calibration.plans.named import SEPARATE
 from delta_calibration.robot import Robot, load_robot
 from delta_calibration.ros.conversions import JointReader, joint_state
 from delta_calibration.ros.diagnostics import Diagnostics
@@ -54,7 +55,8 @@ SPECS = (
     Spec(
         "plan",
         "line",
-        "line, disc, iso9283, identify, circles, rich, or a CSV of x_mm, y_mm, z_mm",
+        "line, disc, iso9283, identify, separate (or separate:CAUSE,CAUSE), circles, rich, or a "
+        "CSV of x_mm, y_mm, z_mm",
         read_only=True,
         path=True,
         names=PLANS,
@@ -145,8 +147,9 @@ class MeasurementPlan(BaseNode):
 
     def _read_plan(self) -> Plan:
         settings = self._settings
+        plan = settings.text("plan")
         return make_plan(
-            settings.named("plan"),
+            plan if plan.startswith(f"{SEPARATE}:") else settings.named("plan"),
             self._robot,
             count=settings.integer("count") or None,
             dwell=settings.number("dwell"),

@@ -218,7 +218,8 @@ class ParameterTable:
         except InvalidParameterTypeException as error:
             raise InputError(_type_message(spec, self._given(spec))) from error
         except InvalidParameterValueException as error:
-            raise InputError(f"parameter {error}") from error
+            reason = spec.reason_against(self._given(spec))  # ROS repeats the name and the value
+            raise InputError(f"parameter {reason or error}") from error
 
     def _given(self, spec: Spec) -> Any:
         override = self._node._parameter_overrides.get(spec.name)

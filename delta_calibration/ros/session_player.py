@@ -30,7 +30,9 @@ from delta_calibration.ros.watchdog import leave
 NAME = "session_player"
 PERIOD_S = 0.002  # [s] of the timer: messages are late by no more than this
 BATCH = 500  # messages sent at a time, so that signals are handled in between
-QUEUE = 1000  # messages by which a slow subscriber may lag
+# Messages by which a slow subscriber may lag: at a rate of 10, a depth of 100 is 10 ms of a stream
+# of 1 kHz. The depth is a queue of this process only, which subscribers neither see nor match.
+QUEUE = 1000
 FAREWELL_S = 0.5  # [s] for the last messages to arrive; an acknowledgement may take 3 s
 
 SPECS = (

@@ -31,7 +31,10 @@ from delta_calibration.ros.watchdog import leave
 NAME = "session_recorder"
 SYNC_S = 1.0  # [s]
 CLOSE_S = 20.0  # [s] to write the remaining data on a slow disk
-QUEUE = 2000  # messages: two seconds at 1 kHz, which wait while the disk is flushed
+# Messages that wait while the disk is flushed: two seconds at 1 kHz, of which a depth of 100 would
+# lose all but 0.1 s. The depth is a queue of this process only: the other side, for which the
+# interface fixes 100 (qos.py), neither sees it nor has to match it.
+QUEUE = 2000
 
 SPECS = (
     Spec(
