@@ -90,7 +90,8 @@ def evaluate(
         moving = _Attained(*named, meant(readings.command), frame.apply(readings.point))
         said = "best-fit frame of the same stops (makes AP look better; does not affect AD and RD)"
     else:
-        attained = _Attained(*named, stops, calibration.tool_points(poses.point, poses.joint))
+        there = calibration.tool_points(poses.point, poses.joint, poses.conditions)
+        attained = _Attained(*named, stops, there)
         seen = calibration.tool_points(readings.point, readings.joint)
         moving = _Attained(*named, meant(readings.command), seen)
         said = f"calibration of session {calibration.source!r}"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from delta_calibration.chain import Chain
+from delta_calibration.data import Conditions, at_rest
 from delta_calibration.effects import Effect, Stage
 from delta_calibration.effects.time_course import HOUR
 from delta_calibration.geometry import Frame
@@ -120,15 +121,28 @@ class Calibration:
         """Identified pose of the base in the tracker's frame, `T_tracker_base`."""
         return self.chain.split(self.theta)[2]
 
-    def tool_points(self, readings: Array, q: Array) -> Array:
+    def tool_points(self, readings: Array, q: Array, at: Conditions | None = None) -> Array:
         """Tool points in the base frame, computed from tracker readings, (n, 3) [m].
 
         The vector from the tool to the reflector is the identified reflector offset less the tool
-        offset, rotated with the platform as the model predicts at joints q, (n, m) [rad or m]. The
-        base frame is the calibration's own: an error of the reflector offset and one of the frame
-        shift the readings alike, so only their sum can be identified.
+        offset, rotated with the platform as the model predicts. The base frame is the
+        calibration's own: an error of the reflector offset and one of the frame shift the readings
+        alike, so only their sum can be identified.
+
+        Args:
+            readings: of the tracker, (n, 3) [m].
+            q: joints, (n, m) [rad or m].
+            at: conditions of the readings; at rest if not given. An effect that needs a condition
+                which is not known turns nothing.
         """
         _, offset, frame = self.chain.split(self.theta)
-        x = self.chain.mechanism.forward(q, self.geometry)  # rotation by effects is neglected
+        x = self._stand(at_rest(q) if at is None else replace(at, joint=q))
         standoff = self.chain.point(x, offset) - self.chain.point(x, self.robot.tool_offset)
         return frame.inverse().apply(readings) - standoff
+
+    def _stand(self, at: Conditions) -> Array:
+        """Poses of the machine, with those effects whose conditions are known, (n, k)."""
+        known = [(effect, value) for effect, value in self.live if not effect.missing(at)]
+        chain = self.present.with_effects(tuple(effect for effect, _ in known))
+        base = self.theta[self.chain.layout.base]
+        return chain.pose(at, np.concatenate([base, *(value for _, value in known)]))

@@ -55,7 +55,7 @@ class Errors:
 
 def measured_errors(calibration: Calibration, poses: Poses, targets: Array) -> Errors:
     """Measured distances of the stops, each from the nearest target."""
-    reached = calibration.tool_points(poses.point, poses.joint)
+    reached = calibration.tool_points(poses.point, poses.joint, poses.conditions)
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
 
@@ -68,7 +68,7 @@ def true_errors(
     the cell works in.
     """
     true = machine.reflector_points(poses.conditions)
-    reached = calibration.tool_points(true, poses.joint)
+    reached = calibration.tool_points(true, poses.joint, poses.conditions)
     return Errors.of(np.linalg.norm(reached - _nearest(targets, reached), axis=1))
 
 
@@ -117,7 +117,7 @@ def true_misses(
     nominal = robot.commanded
     axes = list(TaskCoordinates.of(nominal, robot.tool_offset).axes)
     x = chain.pose(at, machine.theta)
-    reached = calibration.tool_points(machine.reflector_points(at), at.joint)
+    reached = calibration.tool_points(machine.reflector_points(at), at.joint, at)
     wanted = nominal.points(meant, robot.tool_offset)
     turned = calibration.frame.inverse().rotation @ chain.rotation(at, machine.theta, x)
     if registered:

@@ -286,3 +286,21 @@ def test_turns_are_written_with_their_error(tmp_path: Path, capsys) -> None:
     joint = np.array([[float(row[name]) for name in names] for row in rows]) * 1e-3
     off = np.abs(joint - read_targets(targets, robot).joint).max()
     assert 1e-6 < off < robot.limits.correction
+
+
+def test_readings_become_tool_points_with_the_turn_that_pulleys_give_the_platform() -> None:
+    """Of a reflector 0.2 m off the tool; that turn had been neglected."""
+    robot = load_robot("cdpr8")
+    machine = draw_machine(robot, 4, hidden=[effect_options("pulley_radius:value=0.03")])
+    theta = machine.theta.copy()
+    theta[machine.chain.layout.offset] += [0.2, 0.0, 0.1]
+    machine, q = replace(machine, theta=theta), places(robot)
+    readings = machine.reflector_points(standing(q))
+    tool = machine.tool_points(standing(q))
+    made = known(machine)
+    np.testing.assert_allclose(made.tool_points(readings, q), tool, atol=1e-9)
+    bare = machine.chain.mechanism.forward(q, made.geometry)  # no pulleys
+    turned = machine.chain.mechanism.rotation(bare) - machine.chain.mechanism.rotation(
+        machine.chain.pose(standing(q), theta)
+    )
+    assert np.abs(turned @ [0.2, 0.0, 0.1]).max() > 5e-5

@@ -65,7 +65,7 @@ class Errors:
         return cls(
             tool_points(robot, poses.command),
             known.chain.point(pose, robot.tool_offset),
-            known.tool_points(poses.point, poses.joint),
+            known.tool_points(poses.point, poses.joint, poses.conditions),
         )
 
     @classmethod
