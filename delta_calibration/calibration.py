@@ -22,6 +22,11 @@ Array = NDArray[np.float64]
 _MOVED = {Stage.BASE: "base", Stage.REFLECTOR: "reflector or the tool"}
 
 
+def _lasted(seconds: float) -> str:
+    """A time from a session's start, in hours or minutes."""
+    return f"{seconds / HOUR:.2g} h" if seconds >= HOUR else f"{seconds / 60:.2g} min"
+
+
 @dataclass(frozen=True)
 class Calibration:
     """Identified parameters of a robot's chain, and the region where they are valid."""
@@ -50,9 +55,15 @@ class Calibration:
         return Identified(self.chain, self.theta, self.uncertainty, self.ended)
 
     @cached_property
-    def present(self) -> Chain:
-        """The chain as the session left the machine: effects by the clock are held at its end."""
-        return self.chain if self.ended is None else self.chain.held(self.ended)
+    def later(self) -> Calibration:
+        """The same as another session meets the machine: see `Identified.later`.
+
+        Without the covariance of its values nothing is left out.
+        """
+        if self.identified is None:
+            return self
+        left = self.identified.later
+        return replace(self, chain=left.chain, theta=left.theta, uncertainty=left.uncertainty)
 
     @property
     def geometry(self) -> Array:
@@ -112,7 +123,7 @@ class Calibration:
             return ""
         return (
             f"{', '.join(causes)}: compensated as at the end of the session, "
-            f"{self.ended / HOUR:.2g} h after its start; what changed since is in neither the "
+            f"{_lasted(self.ended)} after its start; what changed since is in neither the "
             "commands nor u95"
         )
 
@@ -143,6 +154,6 @@ class Calibration:
     def _stand(self, at: Conditions) -> Array:
         """Poses of the machine, with those effects whose conditions are known, (n, k)."""
         known = [(effect, value) for effect, value in self.live if not effect.missing(at)]
-        chain = self.present.with_effects(tuple(effect for effect, _ in known))
+        chain = self.chain.held(self.ended).with_effects(tuple(effect for effect, _ in known))
         base = self.theta[self.chain.layout.base]
         return chain.pose(at, np.concatenate([base, *(value for _, value in known)]))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from delta_calibration.bounds import CELSIUS, PAYLOAD, require_within
 from delta_calibration.calibration import Calibration
 from delta_calibration.compensation import CommandStatus, Compensated, JointCompensator
+from delta_calibration.compensation.task_coordinates import TaskCoordinates
 from delta_calibration.data import Conditions, at_rest, motion_of
 from delta_calibration.effects.catalogue import catalogue
 from delta_calibration.errors import InputError, ReachError
@@ -22,6 +23,7 @@ from delta_calibration.geometry import rotations
 from delta_calibration.plans.target_file import targets_of
 from delta_calibration.robot import Robot
 from delta_calibration.tables import Row
+from delta_calibration.uncertainty import Identified
 
 Array = NDArray[np.float64]
 Say = Callable[[str], None]
@@ -29,6 +31,7 @@ Watch = Callable[[Sequence[NDArray[np.intp]]], Iterable[NDArray[np.intp]]]
 
 BLENDED, UNREACHED = "blended", CommandStatus.OUT_OF_REACH.name.lower()
 _BATCH = 64  # commands computed together, at least (if there are as many)
+_FEWEST = 20  # of them have to be corrected
 _AROUND = 200  # commands over the measured joints that show how the whole machine lies
 # 95 % quantile over RMS of the length of a vector of three independent normal numbers of equal
 # variance (chi with three degrees of freedom, 2.795 / sqrt 3).
@@ -149,39 +152,52 @@ def _radius(
         )
         return np.full(len(found.joint), _COVERS * calibration.held_out)
     at = _conditions(found.joint, payload, warm, calibration.robot.commanded.joint_size)
-    return identified.radius(at) + _uncommanded(compensator, found, at)
+    return identified.radius(at) + _uncommanded(compensator, identified.machine, found, at, say)
 
 
-def _uncommanded(compensator: JointCompensator, found: Compensated, at: Conditions) -> Array:
+def _uncommanded(
+    compensator: JointCompensator,
+    machine: Identified,
+    found: Compensated,
+    at: Conditions,
+    say: Say,
+) -> Array:
     """Predicted error of corrected commands in directions that no joint commands, (n,) [m].
 
     A SCARA whose axes are not parallel rises and falls over its region: its joints cannot correct
     that. A motion of the whole machine, as the tracker's frame has it, is no error.
     """
-    calibration = compensator.calibration
-    freedoms, joints = calibration.robot.commanded.freedoms, found.joint.shape[1]
-    free = [axis for axis in range(3) if axis not in freedoms]
+    robot, calibration = compensator.robot, compensator.calibration
+    commanded = TaskCoordinates.of(robot.commanded, robot.tool_offset).axes
+    free = [axis for axis in range(3) if axis not in commanded]
     if not free:
         return np.zeros(len(at))
     lower, upper = calibration.joints_lower, calibration.joints_upper
-    q = np.random.default_rng(0).uniform(lower, upper, (_AROUND, joints))
+    q = np.random.default_rng(0).uniform(lower, upper, (_AROUND, len(lower)))
     around = replace(at.take(np.zeros(_AROUND, dtype=np.intp)), joint=q)
     there = compensator.compensate(q, around)
-    good = np.array([verdict is CommandStatus.CORRECTED for verdict in there.verdicts])
-    missed, moved = _missed(calibration, there, around)
-    known = good & np.isfinite(missed).all(axis=1)
+    missed, moved = _missed(robot, machine, there, around)
+    known = [row for row in range(_AROUND) if there.whole(row) and np.isfinite(missed[row]).all()]
+    if len(known) < _FEWEST:
+        say(
+            f"u95_mm leaves out errors in directions that the joints do not command: only "
+            f"{len(known)} of {_AROUND} commands in the measured range can be corrected"
+        )
+        return np.zeros(len(at))
     rows = moved[known][:, free].reshape(-1, 6)
     whole = np.linalg.lstsq(rows, missed[known][:, free].reshape(-1), rcond=None)[0]
-    missed, moved = _missed(calibration, found, at)
+    missed, moved = _missed(robot, machine, found, at)
     return np.asarray(np.linalg.norm((missed - moved @ whole)[:, free], axis=1))
 
 
-def _missed(calibration: Calibration, found: Compensated, at: Conditions) -> tuple[Array, Array]:
+def _missed(
+    robot: Robot, machine: Identified, found: Compensated, at: Conditions
+) -> tuple[Array, Array]:
     """Errors of commands in the base (n, 3) [m], and those by a motion of the base (n, 3, 6)."""
-    drawn, tool = calibration.robot.commanded, calibration.robot.tool_offset
+    drawn, tool, chain = robot.commanded, robot.tool_offset, machine.chain
     nominal = drawn.forward(found.joint - found.correction, drawn.parameters.nominal)
-    meant, chain = drawn.points(nominal, tool), calibration.present
-    pose = chain.pose(replace(at, joint=found.joint), calibration.theta)
+    meant = drawn.points(nominal, tool)
+    pose = chain.pose(replace(at, joint=found.joint), machine.theta)
     shifts = np.broadcast_to(np.eye(3), (len(meant), 3, 3))
     moved = np.concatenate([shifts, -rotations.skew(meant)], axis=2)
     return chain.point(pose, tool) - meant, moved

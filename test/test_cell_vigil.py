@@ -200,6 +200,27 @@ def test_a_calibration_that_wants_a_load_waits_until_it_is_known(
     assert np.isfinite(vigil.suspicion.odds)
 
 
+def test_a_cycle_by_the_clock_of_the_calibration_is_no_change(
+    robot: Robot, calibration: Calibration, program: Poses
+) -> None:
+    """Held at the end of its session, at its crest, it was expected to stay there."""
+    settings = {"period": 3600.0, "phase": 0.0}
+    effect = effect_named("joint_zero_drift", robot, calibration.chain.mechanism, settings)
+    chain, inner = calibration.chain.with_effects((effect,)), calibration.chain.layout.size
+    assert calibration.uncertainty is not None
+    covariance = 1e-12 * np.eye(chain.layout.size)
+    covariance[:inner, :inner] = calibration.uncertainty.covariance
+    cycle = replace(
+        calibration,
+        chain=chain,
+        theta=np.concatenate([calibration.theta, [3e-4, 2e-4, 1e-4]]),
+        uncertainty=replace(calibration.uncertainty, covariance=covariance),
+        ended=900.0,
+    )
+    plain, watched = Vigil(calibration, 0.1), Vigil(cycle, 0.1)
+    assert watched.take(program).odds == pytest.approx(plain.take(program).odds, abs=1e-6)
+
+
 def test_what_cannot_be_watched_is_refused(calibration: Calibration) -> None:
     with pytest.raises(InputError, match="does not contain its uncertainty; fit again"):
         Vigil(replace(calibration, uncertainty=None), 0.1)

@@ -11,9 +11,15 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from delta_calibration.calibration_file import load_calibration, save_calibration
+from delta_calibration.calibration_file import (
+    from_identification,
+    load_calibration,
+    save_calibration,
+)
 from delta_calibration.cli.main import run
 from delta_calibration.cli.options import steadily
+from delta_calibration.commands import _uncommanded
+from delta_calibration.compensation import JointCompensator
 from delta_calibration.data import at_rest, collect
 from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, nominal_joints
@@ -300,3 +306,19 @@ def test_u95_of_a_scara_holds_what_its_joints_cannot_correct(tmp_path: Path) -> 
     assert np.sqrt((missed[:, 2] ** 2).mean()) > 15e-6
     assert np.mean(distance < u95) > 0.9
     assert np.median(u95) < 3 * np.sqrt((distance**2).mean())
+
+
+def test_u95_of_a_five_axis_machine_has_no_error_that_its_joints_cannot_correct() -> None:
+    """Of its tool all three coordinates are commanded, x by its turn."""
+    robot = load_robot("five_axis")
+    poses = collect(
+        simulate_session(draw_machine(robot, 31), make_plan("identify", robot, count=30), 31),
+        robot.joints.names,
+        robot.commanded.joint_size,
+    )
+    made = from_identification(identify(poses, robot), robot, poses)
+    assert made.identified is not None
+    compensator, at = JointCompensator(made, "newton"), at_rest(poses.command)
+    found = compensator.compensate(poses.command, at)
+    left = _uncommanded(compensator, made.identified.machine, found, at, print)
+    np.testing.assert_allclose(left, 0.0, atol=1e-9)

@@ -208,7 +208,8 @@ def test_the_verb_prints_or_writes_it(tmp_path: Path, capsys: Any) -> None:
     out = tmp_path / "srbd.urdf"
     assert run(["urdf", "--robot", "srbd", "--out", str(out)]) == 0
     assert out.read_text(encoding="utf-8") == printed
-    assert run(["urdf", "--robot", "srbd", "--out", str(tmp_path / "no" / "file")]) == 2
+    assert run(["urdf", "--robot", "srbd", "--out", str(out / "file")]) == 2
+    assert str(out) in capsys.readouterr().err
     assert run(["urdf", "--robot", "nobody"]) == 2
     assert "no robot 'nobody'" in capsys.readouterr().err
 

@@ -19,7 +19,7 @@ from delta_calibration.estimation import identify
 from delta_calibration.plans import make_plan, write_plan
 from delta_calibration.plans.optimal import candidates, choose, optimal_plan
 from delta_calibration.plans.parting import part
-from delta_calibration.plans.points import tool_points
+from delta_calibration.plans.points import RADIUS, tool_points
 from delta_calibration.robot import load_robot
 from delta_calibration.simulation import draw_machine, simulate_session
 
@@ -61,12 +61,21 @@ def test_separate_is_a_plan_by_name(tmp_path):
     assert (code, len(plain)) == (0, 6)
     causes = ("joint_compliance", "joint_zero_offset")
     code, named = run_plan(tmp_path, "--name", f"separate:{','.join(causes)}", "--count", "6")
-    code_too, asked = run_plan(tmp_path, "--separate", *causes, "--count", "6")
+    within = ("--radius-mm", f"{1e3 * RADIUS}")
+    code_too, asked = run_plan(tmp_path, "--separate", *causes, "--count", "6", *within)
     assert code == code_too == 0
     np.testing.assert_array_equal(named.target, asked.target)
     made = make_plan(f"separate:{','.join(causes)}", ROBOT, count=6)
     np.testing.assert_allclose(named.target, made.target, atol=1e-9)
     assert set(make_plan("separate", ROBOT, count=6).direction) == {-1.0, 1.0}
+    near = make_plan("separate", ROBOT, count=6, radius=0.3).target
+    assert np.linalg.norm(near[:, :2], axis=1).max() <= 0.3
+
+
+def test_a_plan_whose_stops_need_hours_between_them_is_not_made_by_name():
+    """A session of it would last seconds: growth with the warm-up could not be seen."""
+    with pytest.raises(InputError, match="by stops at several times only"):
+        make_plan("separate:thermal_growth_arm,backlash", ROBOT, count=6)
 
 
 @pytest.mark.parametrize("name", ["separate:backlash", "separate:", "separate:a,b,c"])

@@ -10,7 +10,9 @@ import click
 import pytest
 
 from delta_calibration.cli.main import group, run
+from delta_calibration.cli.replacing import require_same_kind
 from delta_calibration.cli.verb import Output, Verb
+from delta_calibration.errors import InputError
 
 ROOT = Path(__file__).parents[1]
 WRITES = {
@@ -107,6 +109,13 @@ def test_a_file_of_another_kind_is_not_replaced(
     assert run(typed.split()) == 2
     assert said in capsys.readouterr().err
     assert content(here) == before
+
+
+def test_what_a_fleet_has_in_common_is_no_calibration(here: Path) -> None:
+    (here / "priors.yaml").write_text("schema: 1\nrobot: {name: a}\nmodel: b\nmachines: 3\n")
+    require_same_kind("priors", "--out", here / "priors.yaml")
+    with pytest.raises(InputError, match="of another kind, not a calibration"):
+        require_same_kind("fit", "--out", here / "priors.yaml")
 
 
 def test_by_force_a_file_of_another_kind_is_replaced(here: Path) -> None:

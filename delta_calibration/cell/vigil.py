@@ -81,7 +81,7 @@ class Vigil:
             )
         if not 0.0 < rate <= 10.0:
             raise InputError(f"false alarms: {rate:g} per month is not allowed; 0 to 10")
-        self._about = _About.of(calibration)
+        self._about = _About.of(calibration.later)
         self._windows = [_Window(self._about, days, rate / len(WINDOWS)) for days in WINDOWS]
         self._last: Stop | None = None
         self.stops = 0  # stops evaluated
@@ -118,7 +118,7 @@ class Vigil:
             size: deviation [m or rad].
         """
         about = self._about
-        names = about.calibration.present.parameters.names
+        names = about.calibration.chain.parameters.names
         row = int(np.flatnonzero(about.own == names.index(name))[0])
         _, information = self._windows[-1].shift()
         return float((size / about.scale[row]) ** 2 * information[row, row])
@@ -149,7 +149,7 @@ class _About:
     def of(cls, calibration: Calibration) -> _About:
         """Prepare a calibration that contains its uncertainty."""
         assert calibration.uncertainty is not None
-        chain = calibration.present
+        chain = calibration.chain
         own = carried_rows(chain.layout)
         items = [chain.parameters.items[row] for row in own]
         scale = np.array([item.prior for item in items])
@@ -173,7 +173,7 @@ class _About:
 
     def foreseen(self, poses: Poses) -> NDArray[np.bool_]:
         """Whether the calibration can predict each pose, (n,); not if a needed load is unknown."""
-        seen = self.calibration.present.see(poses.conditions, self.calibration.theta)
+        seen = self.calibration.chain.see(poses.conditions, self.calibration.theta)
         return np.asarray(
             np.isfinite(seen.reading).all(axis=1) & np.isfinite(seen.jacobian).all(axis=(1, 2))
         )

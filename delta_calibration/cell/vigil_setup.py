@@ -136,7 +136,7 @@ class SetUp:
 
     def _placed(self, at: Conditions, point: Array, seen: Sequence[Sequence[Stop]]) -> Array:
         """Fit frame and reflector offset of this set-up; return the full theta, (P,)."""
-        chain, theta = self.calibration.present, self.calibration.theta.copy()
+        chain, theta = self.calibration.chain, self.calibration.theta.copy()
         layout = chain.layout
         theta[layout.offset] = chain.offset
         x = chain.pose(at, theta)
@@ -154,12 +154,12 @@ class SetUp:
 
     @property
     def _visit(self) -> slice:
-        layout = self.calibration.present.layout
+        layout = self.calibration.chain.layout
         return slice(layout.offset.start, layout.place.stop)
 
     def _visit_scale(self) -> Array:
         return np.concatenate(
-            [np.full(3, self.calibration.present.offset_prior), np.full(6, _FRAME)]
+            [np.full(3, self.calibration.chain.offset_prior), np.full(6, _FRAME)]
         )
 
     def _visit_precision(self) -> Array:
@@ -169,7 +169,7 @@ class SetUp:
         self, at: Conditions, point: Array, theta: Array, seen: Sequence[Sequence[Stop]]
     ) -> tuple[Array, Array, Array, Array]:
         """Whitened residuals (3 n,), Jacobian of the set-up (3 n, 9), W (n, 3, 3) and J."""
-        chain, known = self.calibration.present, self.calibration.uncertainty
+        chain, known = self.calibration.chain, self.calibration.uncertainty
         assert known is not None
         reached = chain.see(at, theta)
         count = np.array([sum(stop.count for stop in group) for group in seen])
@@ -193,7 +193,7 @@ class SetUp:
     ) -> Told:
         size = 3 * len(numbers)
         r, visit, whiten, jacobian = self._rows(at, point, theta, seen)
-        chain, q = self.calibration.present, len(self.own)
+        chain, q = self.calibration.chain, len(self.own)
         turn = chain.split(theta)[2].rotation
         rows = np.zeros((len(seen), 3, q + size))
         rows[..., :q] = whiten @ jacobian[..., self.own] * self.scale
@@ -219,7 +219,7 @@ class SetUp:
         size: int,
     ) -> Array:
         """Prior precision of the discrepancy at each place, in the base: M, rest and backlash."""
-        known, chain = self.calibration.uncertainty, self.calibration.present
+        known, chain = self.calibration.uncertainty, self.calibration.chain
         assert known is not None
         there = chain.see(at, self.calibration.theta)
         turn = self.calibration.frame.rotation

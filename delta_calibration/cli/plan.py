@@ -38,9 +38,10 @@ from delta_calibration.errors import InputError
 from delta_calibration.history import Prospect, prospect
 from delta_calibration.plans import PLACES, Plan, make_plan, write_plan
 from delta_calibration.plans.bench import SLOTS, StopConditions
-from delta_calibration.plans.named import SEPARATE, SEPARATED, causes_in
+from delta_calibration.plans.named import SEPARATE, causes_in
 from delta_calibration.plans.optimal import OptimalPlan, optimal_plan
 from delta_calibration.plans.parting import Parting, part
+from delta_calibration.plans.points import RADIUS
 from delta_calibration.plans.renewal import UPDATE_PLACES, Renewal, renewal_plan
 from delta_calibration.recording import Topics, read_session
 from delta_calibration.robot import Robot
@@ -57,7 +58,7 @@ _PAYLOAD = 2.0  # [kg]
     metavar="NAME",
     help="Name of a plan: line, disc, iso9283, identify, separate, circles, rich (the same names "
     "as in `simulate` and the nodes). `separate:CAUSE,CAUSE` is --separate CAUSE CAUSE; "
-    f"`separate` distinguishes {SEPARATED[0]} from {SEPARATED[1]}. `identify` spreads its poses "
+    "`separate` distinguishes play of the joints from geometry. `identify` spreads its poses "
     "over the workspace; the option --identify selects optimal ones.",
 )
 @click.option(
@@ -144,8 +145,9 @@ def command(
     """
     if [name is not None, identify, update, separate is not None].count(True) != 1:
         raise InputError("give one of --name, --identify, --update and --separate")
+    by_name = False
     if name is not None and name.partition(":")[0] == SEPARATE:
-        separate, name = causes_in(name), None
+        separate, name, by_name = causes_in(name), None, True
     if update != (machine is not None):
         raise InputError(
             "--update and --machine must be given together: --machine names the history to extend"
@@ -162,6 +164,8 @@ def command(
     require_folder(out)
     robot = robot_given(robot_file, machine, url)
     radius = None if radius_mm is None else 1e-3 * radius_mm
+    if by_name and radius is None and robot.workspace is None:
+        radius = RADIUS  # as in `simulate` and the nodes
     if separate is not None:
         parting = part(
             robot,

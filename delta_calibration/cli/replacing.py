@@ -26,7 +26,9 @@ _SIGNS: Mapping[str, re.Pattern[bytes]] = {
     _PAGE: re.compile(rb"\A\s*<(!doctype )?html", re.IGNORECASE),
     _METADATA: re.compile(rb"^rosbag2_bagfile_information:", re.MULTILINE),
     _ROBOT: re.compile(rb"^mechanism:", re.MULTILINE),
-    _CALIBRATION: re.compile(rb"\A(?=.*^model:)(?=.*^robot:)", re.MULTILINE | re.DOTALL),
+    _CALIBRATION: re.compile(
+        rb"\A(?=.*^model:)(?=.*^robot:)(?=.*^provenance:)", re.MULTILINE | re.DOTALL
+    ),
 }
 _BY_VERB: Mapping[tuple[str, str], str] = {
     ("fit", "--out"): _CALIBRATION,
@@ -34,7 +36,7 @@ _BY_VERB: Mapping[tuple[str, str], str] = {
     ("report", "--out"): _PAGE,
 }
 _BY_OPTION: Mapping[str, str] = {"--json": _JSON, "--verdict": _JSON, "--report": _PAGE}
-# written by no verb whose options are not listed above
+# replaced by no result whose kind is not listed above
 _KEPT = {_RECORDING, _DATABASE, _METADATA, _CALIBRATION, _ROBOT}
 
 

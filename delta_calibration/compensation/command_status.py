@@ -63,6 +63,10 @@ class Compensated:
     # no rotation
     model_turn: Array | None = None
 
+    def whole(self, row: int) -> bool:
+        """Whether a command got its whole correction."""
+        return self.verdicts[row] is CommandStatus.CORRECTED and not self.blended(row)
+
     def blended(self, row: int) -> bool:
         """Whether a command got only a part of its correction."""
         return self.share is not None and 0.0 < float(self.share[row]) < 1.0

@@ -121,7 +121,7 @@ class JointCompensator:
         tool, masses = self.robot.tool_offset, self.robot.masses
         self._drawn = drawn(self._nominal, tool, masses)
         self._effects = tuple(effect.undone for effect, _ in calibration.live)
-        chain = calibration.present.with_effects(self._effects)
+        chain = calibration.chain.held(calibration.ended).with_effects(self._effects)
         base = calibration.theta[calibration.chain.layout.base]
         theta = np.concatenate([base, *(value for _, value in calibration.live)])
         self._own = IdentifiedMachine(chain, theta, tool, masses)

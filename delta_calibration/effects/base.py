@@ -479,7 +479,7 @@ class Effect(ABC):
 
     @property
     def bound_to_session(self) -> bool:
-        """Whether it depends on the clock of its session, and so is not valid in another."""
+        """Whether it goes by the clock of its session, which means nothing in another."""
         return False
 
     @property

@@ -90,6 +90,8 @@ EFFECTS: Registry[Effect] = Registry(
     ),
 )
 
+USUAL_PAIR = (Backlash.cause, "geometry")  # that the plan `separate` distinguishes, if not told
+
 
 def catalogue(robot: Robot, mechanism: Mechanism) -> tuple[Effect, ...]:
     """Every effect that this robot can have, with its default shape."""

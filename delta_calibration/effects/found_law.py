@@ -251,7 +251,7 @@ class FoundLaw(Effect):
 
     @property
     def bound_to_session(self) -> bool:
-        """Whether the law takes time, so that it ends with the session."""
+        """Whether the law takes time, the clock of its session."""
         return "time" in (self.of.name, "" if self.by is None else self.by.name)
 
     @property

@@ -61,7 +61,7 @@ class ReflectorShift(Drift):
         """Reason why the effect does not suit the mechanism."""
         return (
             f"the platform of robot {self.robot.name} does not turn: a shift of the reflector is "
-            "the same as one of the tracker (tracker_drift)"
+            "the same as one of the tracker"
         )
 
     @property

@@ -140,7 +140,7 @@ def _effects(
 
 
 def _of_a_visit(effect: Effect) -> bool:
-    """Whether an effect is the tracker's or ends with the session, so no change of the machine."""
+    """Whether an effect is the tracker's or goes by the clock: each session has its own."""
     return effect.stage is Stage.MEASUREMENT or effect.bound_to_session
 
 

@@ -18,7 +18,6 @@ from delta_calibration.robot import Robot
 Array = NDArray[np.float64]
 
 SEPARATE = "separate"
-SEPARATED = ("backlash", "geometry")  # by the plan `separate` without names of causes
 PLANS = ("line", "disc", "iso9283", "identify", SEPARATE, "circles", "rich")
 _FINE = 801  # points of a path: straight lines between them leave the circle by less than 1 um
 _PATH_SPEED = 0.2  # [m/s] on the standard's line and circle
@@ -41,8 +40,8 @@ def make_plan(
         name_or_csv: `line` (the Delta paper's, x = -y, z = -711 mm), `disc` (same plane),
             `iso9283` (points P1 to P5 of the cube), `identify` (spread over the workspace), `rich`
             (everything a diagnosis needs), `circles` (the circle test), `separate:CAUSE,CAUSE`
-            (stops that distinguish two causes; backlash and geometry if none are named), or the
-            path of a CSV file.
+            (stops that distinguish two causes; if none are named, play and geometry), or the path
+            of a CSV file.
         robot: decides which points are in reach.
         count: number of different points, cycles (`iso9283`) or stops on each circle (`circles`);
             each plan has its own default.
@@ -75,7 +74,7 @@ def make_plan(
         if name_or_csv == "rich":
             return _rich(robot, count or 40, dwell, radius, payload or 2.0, seed)
         if name_or_csv.partition(":")[0] == SEPARATE:
-            return _separate(name_or_csv, robot, count or 20, dwell, payload or 2.0, seed)
+            return _separate(name_or_csv, robot, count or 20, dwell, radius, payload or 2.0, seed)
         if name_or_csv == "circles":
             return circles(robot, count, dwell, sides, radius, payload)
         if name_or_csv not in _POINTS:
@@ -100,7 +99,9 @@ def causes_in(name: str) -> tuple[str, str]:
         InputError: not two names.
     """
     if name == SEPARATE:
-        return SEPARATED
+        from delta_calibration.effects.catalogue import USUAL_PAIR  # imports all effects
+
+        return USUAL_PAIR
     causes = [cause.strip() for cause in name.partition(":")[2].split(",")]
     if len(causes) != 2 or not all(causes):
         raise InputError(f"plan {name!r}: two causes are expected, as separate:CAUSE,CAUSE")
@@ -108,13 +109,19 @@ def causes_in(name: str) -> tuple[str, str]:
 
 
 def _separate(
-    name: str, robot: Robot, count: int, dwell: float, payload: float, seed: int
+    name: str, robot: Robot, count: int, dwell: float, radius: float, payload: float, seed: int
 ) -> Plan:
     """Make the plan `separate`: the stops that best distinguish two causes."""
     from delta_calibration.plans.parting import part  # imports this module
 
-    causes = causes_in(name)
-    return part(robot, causes, count, payload=payload, dwell=dwell, seed=seed).plan
+    causes, reach = causes_in(name), None if robot.workspace is not None else radius
+    found = part(robot, causes, count, payload=payload, dwell=dwell, radius=reach, seed=seed)
+    if any(level.slot for level in found.levels):
+        raise InputError(
+            f"plan {name}: these causes are distinguished by stops at several times only; "
+            "`delta-cal plan` says when"
+        )
+    return found.plan
 
 
 def _places(

@@ -47,7 +47,7 @@ typedef struct {
     double rate[$count];          /* of the joints [$unit/s] */
     double acceleration[$count];  /* [$unit/s^2] */
     double direction[$count];     /* sign of each joint's last motion: -1, 1; 0 where not known */
-    double time;                  /* [s] since the calibrated session's start */
+    double time;                  /* [s] since the calibrated session's start; leave as it is set */
     double payload;               /* [kg] */
     double payload_centre[3];     /* [m] in the platform's frame */
 $temperature} ${prefix}conditions;
