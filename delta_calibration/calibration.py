@@ -23,7 +23,7 @@ _MOVED = {Stage.BASE: "base", Stage.REFLECTOR: "reflector or the tool"}
 
 
 def _lasted(seconds: float) -> str:
-    """A time from a session's start, in hours or minutes."""
+    """Text of a duration, in hours, or in minutes below an hour."""
     return f"{seconds / HOUR:.2g} h" if seconds >= HOUR else f"{seconds / 60:.2g} min"
 
 

@@ -93,7 +93,7 @@ class Chain:
         return replace(self, effects=effects)
 
     def held(self, moment: float | None) -> Chain:
-        """The same chain, its effects by the clock as they were at a moment [s]."""
+        """The same chain, with the effects that depend on time as they were at one moment [s]."""
         return replace(self, moment=moment)
 
     def recorded(self, at: Conditions) -> Signals:

@@ -193,7 +193,10 @@ def _uncommanded(
 def _missed(
     robot: Robot, machine: Identified, found: Compensated, at: Conditions
 ) -> tuple[Array, Array]:
-    """Errors of commands in the base (n, 3) [m], and those by a motion of the base (n, 3, 6)."""
+    """Predicted errors of the tool, (n, 3) [m], and those by small motions of the base (n, 3, 6).
+
+    The motions are shifts along x, y, z [m] and turns about them [rad], of the whole machine.
+    """
     drawn, tool, chain = robot.commanded, robot.tool_offset, machine.chain
     nominal = drawn.forward(found.joint - found.correction, drawn.parameters.nominal)
     meant = drawn.points(nominal, tool)

@@ -125,6 +125,21 @@ def test_effects_take_part(name, model, with_all):
     held_against(calibration, made, 1000, 50)
 
 
+def test_a_drift_is_that_of_the_session_s_end(tmp_path):
+    """Whatever the time of a command is: another session's clock says nothing about it."""
+    robot = load_robot("srbd")
+    mechanism = chain_of(robot, "rotary_delta").mechanism
+    drift = effect_named("joint_zero_drift", robot, mechanism, {})
+    plain = machine(robot, "rotary_delta", [drift], [np.array([1e-3, -5e-4, 2e-4])])
+    ended = replace(plain, ended=5400.0)
+    held_against(ended, Compiled(ended, tmp_path, options=QUICK), 100)
+    q = commands(robot, mechanism, 20, 0)
+    shift = (
+        JointCompensator(ended).compensate(q).joint - JointCompensator(plain).compensate(q).joint
+    )
+    np.testing.assert_allclose(shift, np.tile([-1.5e-3, 7.5e-4, -3e-4], (20, 1)), atol=1e-6)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "model"), MACHINES)
 def test_each_effect_by_itself(name, model, tmp_path):

@@ -484,7 +484,7 @@ class Effect(ABC):
 
     @property
     def lasting(self) -> bool:
-        """Whether what it changes by the clock stays as its session left it."""
+        """Whether the machine stays as this effect had changed it by the end of its session."""
         return True
 
     def outlasts(self, ended: float | None) -> bool:

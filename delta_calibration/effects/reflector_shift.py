@@ -1,4 +1,4 @@
-"""Shift of the reflector on the platform: it, or the tool that carries it, was knocked.
+"""The reflector, or the tool that carries it, was knocked, and sits elsewhere on the platform.
 
 do = s h(time)          in the platform's axes
 

@@ -142,7 +142,7 @@ class Growth(Effect):
 
     @property
     def lasting(self) -> bool:
-        """True of a warming; a cycle goes on after the session."""
+        """Whether the part stays as warm as at the session's end: not where it follows a cycle."""
         return not self.period
 
     def doubt(self) -> Effect | None:

@@ -223,5 +223,5 @@ class Drift(Effect):
 
     @property
     def lasting(self) -> bool:
-        """True of a ramp, a settling and a step; a cycle goes on after the session."""
+        """Whether it stays as at the session's end: ramp, settling and step do, cycles do not."""
         return not self.period

@@ -67,7 +67,7 @@ def only(values: Array, counted: NDArray[np.bool_]) -> Array:
 
 
 def figures_of(solution: Solution, missed: Array, counted: NDArray[np.bool_]) -> Residuals:
-    """Compute the residual figures of a fit from its held-out residuals (n, 3) [m]."""
+    """Residual figures of a fit, given its held-out residuals (n, 3) [m]."""
     whiten = solution.problem.whiten[counted, :3, :3]  # triangular: the position's own
     return residuals_of(solution.distances[counted], missed[counted], whiten)
 

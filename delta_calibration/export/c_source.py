@@ -95,7 +95,7 @@ class _Given(NamedTuple):
     needs_payload: bool
     needs_centre: bool
     needs_temperature: NDArray[np.int64]  # indices among the temperatures
-    moment: float  # [s] the time of commands, unless the caller gives another
+    moment: float  # [s] end of the session: the time of effects by its clock
 
 
 def c_files(calibration: Calibration, stem: str, prefix: str = "") -> CFiles:

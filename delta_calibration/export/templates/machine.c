@@ -33,7 +33,7 @@ static void fill_signals(const conditions *at, double *signals) {
         signals[given.direction + i] = at->direction[i];
         signals[given.travel + i] = INFINITY; /* play is crossed by the correction itself */
     }
-    signals[given.time] = at->time;
+    signals[given.time] = given.moment;
     signals[given.payload] = at->payload;
     for (int i = 0; i < 3; i++) signals[given.centre + i] = at->payload_centre[i];
 #if CORRECT_TEMPERATURES
@@ -57,7 +57,7 @@ static int all_known(const conditions *at) {
 void conditions_at_rest(conditions *at) {
     for (int i = 0; i < CORRECT_JOINTS; i++)
         at->rate[i] = at->acceleration[i] = at->direction[i] = 0.0;
-    at->time = given.moment;
+    at->time = 0.0;
     at->payload = at->payload_centre[0] = at->payload_centre[1] = at->payload_centre[2] = NAN;
 #if CORRECT_TEMPERATURES
     for (int i = 0; i < CORRECT_TEMPERATURES; i++) at->temperature[i] = NAN;

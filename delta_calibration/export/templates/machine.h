@@ -47,12 +47,12 @@ typedef struct {
     double rate[$count];          /* of the joints [$unit/s] */
     double acceleration[$count];  /* [$unit/s^2] */
     double direction[$count];     /* sign of each joint's last motion: -1, 1; 0 where not known */
-    double time;                  /* [s] since the calibrated session's start; leave as it is set */
+    double time;                  /* not used: a drift is that of the session's end */
     double payload;               /* [kg] */
     double payload_centre[3];     /* [m] in the platform's frame */
 $temperature} ${prefix}conditions;
 
-/* Joints stand still, the time is the session's end, and nothing else is known. */
+/* Joints stand still, nothing else is known. */
 void ${prefix}conditions_at_rest(${prefix}conditions *at);
 
 /* Correct one command.
